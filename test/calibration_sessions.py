@@ -100,14 +100,15 @@ def stream(device, ups, rng, rate=100.0, hold_s=5.0, move_s=1.5, temperature=Non
     """
     Return (t, gyro, accel, temperature) of poses with handling between them.
 
-    ``ups`` (n, 3): the direction of up in the body for each; ``temperature`` one each; ``knock``:
-    (pose, size).
+    ``ups`` (n, 3): the direction of up in the body for each; ``hold_s`` one for all or each;
+    ``temperature`` one each; ``knock``: (pose, size).
 
     """
     gyro = gyro or Device(bias=np.array([0.01, -0.02, 0.005]), noise=2e-3)
     up_all, rate_all, temp_all, shock = [], [], [], []
-    n_hold, n_move = round(hold_s * rate), round(move_s * rate)
-    for k, up in enumerate(ups):
+    n_move = round(move_s * rate)
+    for k, (up, hold) in enumerate(zip(ups, np.broadcast_to(hold_s, len(ups)))):
+        n_hold = round(hold * rate)
         if k:
             last = ups[k - 1]
             axis = np.cross(last, up)

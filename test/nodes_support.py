@@ -38,7 +38,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, Imu
+from sensor_msgs.msg import Image, Imu, Temperature
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import re
 
 import calibration_sessions as sim
 import numpy as np
@@ -93,6 +94,25 @@ def test_short_holds_are_poses(hold_s):
     with pytest.raises(InputError, match='too short to count: .*--still 0.[56] takes'):
         core.positions(short, sim.G)
     assert core.positions(short, sim.G, 0.5)[0].n == 6
+
+
+def test_a_refusal_of_too_few_poses_says_which_rests_were_too_short():
+    """Of six faces two are held: the other four are counted, and what takes them takes them."""
+    rng = np.random.default_rng(32)
+    device = sim.Device.drawn(rng, noise=0.02)
+    whole = record(*six_faces(rng, device, hold_s=[3.0, 3.0, 0.7, 0.7, 0.7, 0.7]))
+    with pytest.raises(InputError, match='4 rests under 0.8 s are too short to count: ') as said:
+        tasks.calibrate_records([whole])
+    assert str(said.value).startswith('2 of 6 faces seen')
+    value, = re.findall(r'--still (\d\.\d) takes them all', str(said.value))
+    assert tasks.calibrate_records([whole], seconds=float(value)).calibration.poses.n == 6
+    some = record(*six_faces(rng, device, hold_s=0.5))
+    with pytest.raises(InputError, match='6 rests under 0.8 s') as said:
+        core.positions(some, sim.G)
+    (value, count), = re.findall(r'--still (\d\.\d) takes (\d) of them', str(said.value))
+    assert core.positions(some, sim.G, float(value))[0].n == int(count)
+    with pytest.raises(InputError, match='--still takes none under 0.5 s'):
+        core.positions(record(*six_faces(rng, device, ['+x', '-x'], hold_s=0.44)), sim.G)
 
 
 def test_one_face_put_down_twice_is_two_poses():
@@ -373,6 +393,35 @@ def test_commands(faces_npz, tmp_path, capsys):
                                    np.linalg.solve(data['S'], (old['accel'] - data['bias']).T).T,
                                    rtol=1e-6)
         np.testing.assert_array_equal(new['accel'], old['accel'])
+
+
+def test_apply_says_what_it_assumes_and_what_is_missing(faces_npz, tmp_path, capsys):
+    """A line each; none where the temperature is recorded and the calibration complete."""
+    bag, _ = faces_npz
+    heated = {'sensor': 'accel', 'S': np.eye(3).tolist(), 'bias': [0, 0, 0],
+              'reference_temperature': 31.5, 'effects': {'temperature': {
+                  'effect': 'temperature', 't_x': 0.01, 't_y': 0.0, 't_z': 0.0}}}
+    missing = {'sensor': 'gyro', 'S': np.eye(3).tolist(), 'bias': [0, 0, 0],
+               'diagnosis': {'verdict': 'missing', 'advice': 'add quadratic: turn faster'}}
+    file = tmp_path / 'calibration.yaml'
+    file.write_text(yaml.safe_dump({'accel': heated, 'gyro': missing}))
+    command = ['apply', str(bag), '-o', str(tmp_path / 'better.npz'), '--force', '--calibration',
+               str(file)]
+    assert main([*command, '--json']) == 0
+    out, err = capsys.readouterr()
+    said = json.loads(out)['warnings']
+    assert err.splitlines() == [f'warning: {w}' for w in said] and len(said) == 2
+    assert 'gyro: ' in said[0] and '(missing): add quadratic: turn faster' in said[0]
+    assert 'accel: ' in said[1] and '31.50 degC is assumed' in said[1]
+    with np.load(bag) as old:
+        warm = {**old, 'temperature': np.full(len(old['t']), 41.5)}
+    np.savez(bag, **warm)
+    missing['diagnosis']['verdict'] = 'complete'
+    file.write_text(yaml.safe_dump({'accel': heated, 'gyro': missing}))
+    assert main(command) == 0 and capsys.readouterr().err == ''
+    with np.load(tmp_path / 'better.npz') as new:
+        off = warm['accel'] - new[next(k for k in new.files if k.startswith('accel_'))]
+    np.testing.assert_allclose(off, np.tile([0.1, 0, 0], (len(off), 1)), atol=1e-9)
 
 
 def test_failing_commands_leave_nothing(tmp_path, capsys):

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import io
 
 import calibration_sessions as sim
+from matplotlib import image as mpimg
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -21,6 +23,8 @@ from imu_noise_tools.core.errors import FitError, InputError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import find_effect
 from imu_noise_tools.loop.problem import Problem
+from imu_noise_tools.plots import calibration as plots
+from imu_noise_tools.plots.style import new_figure, png, stacked
 from imu_noise_tools.tasks import calibration as tasks
 
 DEG = np.pi / 180
@@ -481,3 +485,53 @@ def test_add_and_history_print_what_is_solved(tmp_path, capsys):
     assert main(['history', out]) == 1
     said = capsys.readouterr().err
     assert said.count('\n') == 1 and 'not a calibration' in said and 'calibrate again' in said
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('sensitivity, loud', [(0.0, False), (1e-3, True)])
+def test_the_picture_shows_what_the_gyroscope_lacks(sensitivity, loud):
+    """Turns and rests, times their noise: the scatter that every fit has would hide it."""
+    record, _, _ = session(12, g_sensitivity=sensitivity * np.ones((3, 3)))
+    problem = problem_of(record)
+    calibration = core.calibrate_turns(problem.data)
+    ax = plots.residuals(new_figure(11, 4).add_subplot(), calibration)
+    turns, rests = ([b.get_height() for b in bars] for bars in ax.containers)
+    assert (len(turns), len(rests)) == (15, 16)
+    assert (np.mean(rests) > 5) == loud and (np.mean(rests) < 2) == (not loud)
+    before, after = (line.get_ydata() for line in plots.before_and_after(
+        new_figure(4, 4).add_subplot(), calibration).lines[::2])
+    # the same angles by the definition: gravity before, turned by the rates, against that after
+    data = problem.data
+    turned = integrated(data, data.gyro)[np.flatnonzero(np.diff(data.turn, append=99))]
+    cosine = np.einsum('nij,jn,in->n', turned, data.after, data.before)
+    np.testing.assert_allclose(before, np.degrees(np.arccos(cosine)), rtol=1e-6)
+    assert loud or np.mean(after) < np.mean(before) / 3
+
+
+def test_pictures_below_each_other():
+    """All of both, in that order."""
+    parts = []
+    for height, colour in ((1, 'red'), (2, 'blue')):
+        figure = new_figure(3, height)
+        figure.set_facecolor(colour)
+        parts.append(png(figure))
+    whole = mpimg.imread(io.BytesIO(stacked(parts)))
+    assert whole.shape[:2] == (300, 300)
+    assert np.all(whole[:100, :, 0] == 1) and np.all(whole[100:, :, 2] == 1)
+    assert not whole[:100, :, 2].any() and not whole[100:, :, 0].any()
+
+
+@pytest.mark.thorough
+def test_what_is_shaded_is_said_where_no_bar_is():
+    """Above the axes, whatever the bars do; and only where something is shaded."""
+    rng = np.random.default_rng(13)
+    device = sim.Device.drawn(rng, noise=0.02, upper=True)
+    ups = sim.spread_directions(16, rng)
+    for off in (0.0, 0.3):
+        t, rates, force, _ = sim.stream(device, ups, rng, hold_s=1.5)
+        at = slice(4 * 300, 4 * 300 + 150)      # the fifth pose
+        force[at] += off
+        poses, _ = core.positions(ImuRecord(rates, force, t, 100.0), sim.G)
+        ax = plots.residuals(new_figure(11, 4).add_subplot(), core.calibrate(poses))
+        said = [x.get_position()[1] for x in ax.texts if x.get_text().startswith('shaded')]
+        assert said == ([1.02] if off else [])

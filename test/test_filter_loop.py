@@ -316,6 +316,7 @@ def test_command_filters_a_recording_and_its_study_goes_through_the_loop(
         (['--noise', 'constant_rate'], 2),
         (['--set', 'white.R'], 2),
         (['--set', 'white.Q=1'], 2),
+        (['--set', 'gauss_markov.tc=5'], 2),
         (['--rate-hz', '-1'], 2),
         (['--model', 'nowhere'], 1),
     ],
@@ -331,6 +332,14 @@ def test_wrong_use_is_said_in_one_line_and_writes_nothing(
         and said.err.startswith('imu_noise: ')
     )
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('value', ['-1', '0'])
+def test_a_variance_that_is_none_is_refused_by_its_name(recording, tmp_path, capsys, value):
+    command = ['filter', str(recording), '-o', str(tmp_path / 'out.npz'), '--set']
+    assert main([*command, f'white.R={value}']) == 2
+    said = capsys.readouterr().err
+    assert 'white.R' in said and 'must be above 0' in said
 
 
 def test_nothing_is_replaced_without_force(recording, tmp_path, capsys):

@@ -16,7 +16,8 @@ import yaml
 
 from imu_noise_tools.bag import write_bag
 from imu_noise_tools.nodes import answers
-from nodes_support import DiagnosticArray, messages, ROOT, Trigger, values, wait_for
+from nodes_support import (DiagnosticArray, Imu, messages, ROOT, Temperature, Trigger, values,
+                           wait_for)
 
 FRAME = 'imu_left'
 
@@ -101,6 +102,60 @@ def test_no_result_is_an_error(ros):
     assert [s.level for s in status.status] == [messages.ERROR]
     assert 'nothing was received' in status.status[0].message
     assert values(status, 'record')['samples'] == '0'
+
+
+@pytest.mark.thorough
+def test_a_topic_on_which_nothing_comes_is_said_with_the_reason(ros):
+    """In the log after some seconds, in answers and on /diagnostics: no topic, another type."""
+    space = ros.namespace()
+    nodes = [ros.start(n, space) for n in ('analyser', 'filter', 'calibration')]
+    ros.ready(*nodes)
+    topic = f'{space}/imu/data_raw'
+    for node in nodes:
+        assert wait_for(lambda: f'nobody publishes on {topic}' in node.text), node.text
+    for node, name in ((nodes[0], 'analyse'), (nodes[1], 'diagnose')):
+        good, said = ros.trigger(f'{node.full}/{name}')
+        assert not good and 'nothing was received yet: nobody publishes' in said['error']
+    other = ros.node.create_publisher(Imu, f'{space}/camera/imu', 10)
+    wrong = ros.node.create_publisher(Temperature, topic, 10)
+    for node in nodes:
+        wanted = f'{topic} has the type sensor_msgs/msg/Temperature, not sensor_msgs/msg/Imu'
+        assert wait_for(lambda: wanted in node.text), node.text
+    good, said = ros.trigger(f'{nodes[1].full}/diagnose')
+    assert not good and wanted in said['error']
+    assert said['remedy'].startswith('remap imu/data_raw to ')
+    assert f'{space}/camera/imu' in said['remedy'] and 'filtered' not in said['remedy']
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        for node, name in ((nodes[0], 'input'), (nodes[1], 'stream')):
+            assert wait_for(lambda: level(got, node, name) == messages.STALE), got[-1:]
+            assert wanted in of(got, node)[name].message
+    for publisher in (other, wrong):
+        ros.node.destroy_publisher(publisher)
+
+
+@pytest.mark.thorough
+def test_what_is_not_finite_is_said_alike(ros):
+    """A level of WARN comes with its reason, and the two nodes agree on how many there were."""
+    space = ros.namespace()
+    nodes = [ros.start(n, space) for n in ('analyser', 'filter')]
+    ros.ready(*nodes)
+    publisher = ros.publisher(f'{space}/imu/data_raw', Imu)
+    assert wait_for(lambda: publisher.get_subscription_count() == 2)
+    rates = np.random.default_rng(8).normal(0, 0.01, (300, 3))
+    rates[::30, 1] = np.nan
+    for k, row in enumerate(rates.tolist()):
+        message = Imu()
+        message.header.stamp.nanosec = 1 + 2_000_000 * k
+        v = message.angular_velocity
+        v.x, v.y, v.z = row
+        message.linear_acceleration.z = 9.81
+        publisher.publish(message)
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        for node, name, text in ((nodes[0], 'input', '300 samples, 10 not finite'),
+                                 (nodes[1], 'stream', '290 samples, 10 refused: not finite')):
+            assert wait_for(lambda: text in getattr(of(got, node).get(name), 'message', '')), (
+                of(got, node))
+            assert level(got, node, name) != messages.OK
 
 
 @pytest.mark.parametrize('result, said', [

@@ -142,6 +142,18 @@ def test_sensors_with_topics_of_their_own_have_streams_of_their_own():
     assert streams.received == 300 and streams.record('/imu').beside == ()
 
 
+def test_what_is_no_number_is_counted_but_not_a_sensor_that_is_not_there():
+    streams, y = Streams(hours=1.0), signal(200, 6)
+    y[20:30, 1], y[25:40, 5] = np.nan, np.inf
+    t = np.arange(200) * 5_000_000
+    streams.add(t, y[:, :3], y[:, 3:])
+    assert streams.not_finite == 20 and streams.received == 200
+    streams.add(t, y[:, :3], np.full((200, 3), np.nan))     # again, and no accelerometer
+    assert streams.not_finite == 10
+    streams.clear()
+    assert streams.not_finite == 0
+
+
 def test_a_parameter_reads_what_people_write():
     pytest.importorskip('rclpy')
     from imu_noise_tools.nodes.params import Setting

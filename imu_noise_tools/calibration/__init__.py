@@ -15,7 +15,7 @@ from .correction import Correction, from_dict, is_heated
 from .effects import Regressor, Scatter
 from .gravity import EARTH_RATE, gravity, normal_gravity
 from .poses import DIRECTIONS, FACES, joined, nearest_face, Poses
-from .positions import coarse, held, positions, rests, STILL_S
+from .positions import coarse, held, positions, rests, STILL_S, too_short
 from .problem import CalibrationProblem
 from .session import applied, Captured, HOLD_S, Session
 from .solution import (
@@ -35,4 +35,4 @@ __all__ = [
     'HOLD_S', 'is_heated', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
     'offset_of', 'ols', 'Poses', 'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes',
     'refuse_missing_axes', 'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S',
-    'TITLE', 'together', 'Turns', 'turns', 'TurnsProblem']
+    'TITLE', 'together', 'too_short', 'Turns', 'turns', 'TurnsProblem']

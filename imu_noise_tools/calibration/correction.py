@@ -55,6 +55,11 @@ class Correction:
         """The same, with what belongs to the session that they were fitted to."""
         return [e for e in self.model.of(Regressor) if e.name not in BASE and not e.at_input]
 
+    @property
+    def heated(self) -> list[str]:
+        """Names of the effects that are taken out at the temperature of each sample."""
+        return [e.label for e in self.more if e.heated]
+
     def apply(self, raw: np.ndarray, temperature: Any = None, force: Any = None,
               time: Any = None) -> np.ndarray:
         """

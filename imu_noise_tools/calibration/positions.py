@@ -73,7 +73,8 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
     """
     found, short = _placements(record, seconds)
     if not found:
-        raise InputError(f'no rest of {seconds:g} s: it moves all the time{_too_short(short)}',
+        moves = too_short(record, seconds) if short else 'it moves all the time'
+        raise InputError(f'no rest of {seconds:g} s: {moves}',
                          'hold every pose still, for some seconds, on something solid')
     return found
 
@@ -93,18 +94,29 @@ def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]
             note = f'a knock at {record.t[found[-1].end - 1]:.1f} s was left out'
             here = _rest(record, (*found.pop().pieces, *pieces), note)
         found.append(here)
-    long = [len(r.samples()) / record.rate_hz for r in found]
+    # to a hundredth: the rate of the stamps is never quite the nominal one
+    long = [round(len(r.samples()) / record.rate_hz, 2) for r in found]
     short = [(float(record.t[r.begin]), n) for r, n in zip(found, long) if n < seconds]
     return [r for r, n in zip(found, long) if n >= seconds], short
 
 
-def _too_short(short: list[tuple[float, float]]) -> str:
-    """Say which rests are too short and what would take them; an empty string for none."""
+def too_short(record: ImuRecord, seconds: float = STILL_S) -> str:
+    """Say which rests of a record are too short and what takes them; an empty string for none."""
+    _, short = _placements(record, seconds)
     if not short:
         return ''
     said = _some([f'{n:.1f} s at {t:.1f} s' for t, n in short])
-    least = max(0.5, np.floor(10 * min(n for _, n in short)) / 10)
-    return f'; rests too short to count: {said} (--still {least:.1f} takes those that reach it)'
+    enough = [n for _, n in short if n >= _PIECE_S]
+    if enough:
+        least = max(_PIECE_S, np.floor(10 * min(enough)) / 10)
+        some = 'it' if len(short) == 1 else 'them all' if len(enough) == len(short) else (
+            f'{len(enough)} of them')
+        way = f'--still {least:.1f} takes {some}'
+    else:
+        way = f'hold poses longer: --still takes none under {_PIECE_S:g} s'
+    which = f'{len(short)} rests under {seconds:g} s are' if len(short) > 1 else (
+        f'1 rest under {seconds:g} s is')
+    return f'{which} too short to count: {said}; {way}'
 
 
 def _stretches(record, seconds) -> list[tuple[int, int]]:
@@ -359,7 +371,6 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
 
     """
     found = rests(record, seconds)
-    _, short = _placements(record, seconds)
     outputs = np.array([r.accel for r in found]).T
     check_unit(outputs, gravity)
     poses = Poses.of(
@@ -367,9 +378,10 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
         gravity, temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found])
     _refuse_saturated(record, found, poses.names)
-    said = [f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note]
+    said = [*filter(None, [too_short(record, seconds)])]
+    said += [f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note]
     said += coarse('accel', np.asarray(record.accel, float), found, record.rate_hz)
-    return poses, (*said, *([_too_short(short).removeprefix('; ')] if short else []))
+    return poses, tuple(said)
 
 
 def pooled_errors(windows: list[np.ndarray], rate_hz: float) -> np.ndarray:
@@ -454,6 +466,12 @@ def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, .
 def _some(items, most: int = 4) -> str:
     more = f' and {len(items) - most} more' if len(items) > most else ''
     return ', '.join(items[:most]) + more
+
+
+def because(notes: Iterable[str]) -> str:
+    """Return what a refusal of poses ends with: what was found out about them before."""
+    said = '; '.join(list(notes)[:4])
+    return f' ({said})' if said else ''
 
 
 def counted(names: Iterable[str]) -> dict[str, int]:

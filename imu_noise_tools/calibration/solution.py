@@ -19,7 +19,7 @@ from .between import time_offset, Turns
 from .correction import Correction
 from .linear import equations
 from .poses import FACES, nearest_face, Poses, unit
-from .positions import CONE_DEG, counted, faced, named, spread
+from .positions import because, CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
 from .turn_problem import SCALE_STD, TurnsProblem
 from ..core.errors import FitError, InputError
@@ -150,7 +150,7 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
         raise InputError('a pose holds values that are not finite', 'leave it out')
     method = method or _method(poses)
     if method == 'norm':
-        _refuse_little_spread(poses)
+        _refuse_little_spread(poses, notes)
     elif method == 'faces':
         if poses.sensor != 'accel':
             raise InputError('the faces are those of an accelerometer', 'use --method wls')
@@ -194,9 +194,11 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
 
     """
     refuse_crossed_axes(turns)
+    notes = list(notes)
     if 2 * turns.n < _TURN_ROWS:
         raise InputError(f'{turns.n} turns between poses do not tell nine scale and cross-axis '
-                         f'terms of a gyroscope', f'hold {_TURN_ROWS // 2 + 1} poses or more, '
+                         f'terms of a gyroscope{because(notes)}',
+                         f'hold {_TURN_ROWS // 2 + 1} poses or more, '
                          'turning about all axes between them')
     problem = TurnsProblem.of(turns)
     fit = problem.fit(solve.base_model())
@@ -272,14 +274,14 @@ def _norm_equations(poses):
     return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, 'norm')[0]
 
 
-def _refuse_little_spread(poses: Poses) -> None:
+def _refuse_little_spread(poses: Poses, notes) -> None:
     remedy = (f'hold at least {SPREAD_POSES} poses in all directions, edges and corners too; or '
               'use --method wls with six faces')
     apart = spread(poses)
     if apart < SPREAD_POSES:
         raise InputError(f'{apart} poses point in different directions ({poses.n} in all), the '
                          f'norm fit needs '
-                         f'{SPREAD_POSES}', remedy)
+                         f'{SPREAD_POSES}{because(notes)}', remedy)
     condition = _norm_equations(poses).condition
     if condition > _CONDITION:
         raise InputError(f'the poses are too alike for a norm fit (condition {condition:.0f}, at '
@@ -294,8 +296,8 @@ def _refuse_unsupported(poses: Poses, notes) -> list[str]:
     if faces.condition(directions) > _CONDITION:
         if all(name in FACES for name in poses.names):
             _refuse_missing_faces(poses.names, notes)
-        raise InputError(f'the {poses.n} poses do not tell three scale factors and three biases',
-                         more)
+        raise InputError(f'the {poses.n} poses do not tell three scale factors and three biases'
+                         f'{because(notes)}', more)
     missing = [f for f, k in counted(poses.names).items() if not k]
     said = [f'no pose has {", ".join(missing)} up; the others tell what these would'
             ] if missing else []
@@ -311,10 +313,9 @@ def _refuse_missing_faces(names, notes) -> None:
     said = f'{6 - len(missing)} of 6 faces seen; missing {", ".join(missing)}'
     if twice:
         said += f' (held {", ".join(twice)})'
-    if notes:
-        said += f' ({"; ".join(notes)})'
-    raise InputError(said, f'hold {" and ".join(missing)} up, still, and record again '
-                           f'(or {SPREAD_POSES} poses in all directions)')
+    raise InputError(said + because(notes),
+                     f'hold {" and ".join(missing)} up, still, and record again (or '
+                     f' {SPREAD_POSES} poses in all directions)')
 
 
 def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .gravity import EARTH_RATE
 from .poses import DIRECTIONS, joined, nearest_face, Poses
-from .positions import Rest, rests, standard_errors, temperatures
+from .positions import because, Rest, rests, standard_errors, temperatures
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.statistics import in_a_row
@@ -92,7 +92,7 @@ def _by_rate(record, rate, seconds):
             inputs.append(rate * DIRECTIONS[face])
             names.append(f'turn {face}')
     if not parts:
-        raise InputError(f'the rate is never steady for {seconds:g} s{_because(notes)}',
+        raise InputError(f'the rate is never steady for {seconds:g} s{because(notes)}',
                          'hold each rate for some seconds')
     return _means(record, parts, np.array(inputs).T, names), notes
 
@@ -209,16 +209,12 @@ def _turn_name(rate) -> str:
     return f'turn {about}{np.degrees(size):.4g} deg/s'
 
 
-def _because(notes) -> str:
-    return f' ({"; ".join(notes[:4])})' if notes else ''
-
-
 def refuse_missing_axes(names: Iterable[str], option: str, notes: Iterable[str] = ()) -> None:
     """Raise InputError where an axis was not turned, or one way only and there is no rest."""
     seen = {n.split()[1][1] for n in names if n.startswith('turn')}
     missing = [k for k in 'xyz' if k not in seen]
     if missing:
-        raise InputError(f'no turn about {", ".join(missing)} found{_because(notes)}',
+        raise InputError(f'no turn about {", ".join(missing)} found{because(notes)}',
                          f'turn about each axis, both ways, from rest to rest; check --{option}')
     one_way = [k for k in 'xyz' for s in '+-' if f'turn {s}{k}' not in names]
     if one_way and 'rest' not in names:

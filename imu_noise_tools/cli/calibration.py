@@ -45,7 +45,8 @@ def register(commands: Any) -> None:
                         'weighted by a stated tilt; plain; or by the magnitude alone (default '
                         'with 12 and more spread poses)')
     c.add_argument('--still', type=float, default=0.8, metavar='S',
-                   help='shortest rest that is a pose, s (default: 0.8, of a second\'s hold)')
+                   help='shortest rest that is a pose, 0.5 to 60 s (default: 0.8, of a second\'s '
+                        'hold)')
     common.topic_options(c)
     common.part_options(c)
     common.unit_options(c)
@@ -176,12 +177,13 @@ def apply(args: argparse.Namespace) -> int:
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
         share = (lambda p: progress(p, 'correcting')) if progress else None
-        written = tasks.apply_calibration(args.bag, args.output, args.calibration,
-                                          topic=args.topic, fields=args.fields,
-                                          force=args.force,
-                                          progress=share)
+        written, warnings = tasks.apply_calibration(
+            args.bag, args.output, args.calibration, topic=args.topic, fields=args.fields,
+            force=args.force, progress=share)
+    common.warn(warnings)
     if args.json:
-        common.print_json({'written': str(written), 'topic': tasks.CALIBRATED})
+        common.print_json({'written': str(written), 'topic': tasks.CALIBRATED,
+                           'warnings': list(warnings)})
         return 0
     print(f'written to {written}, with {tasks.CALIBRATED} beside the original topics')
     return 0

@@ -92,7 +92,9 @@ def values_of(pairs: Iterable[str]) -> dict:
             number = float('nan')
         if not (equals and dot and number == number):
             raise UsageError(f'invalid --set {text}', 'e.g. --set white.R=1e-4')
-        find_effect(DOMAIN, label)({parameter: number})
+        known = find_effect(DOMAIN, label)({parameter: number}).parameter(parameter)
+        if number < 0 <= known.lower or number == 0 < known.lower and not known.amplitude:
+            raise UsageError(f'invalid --set {text}', 'it must be above 0')
         out.setdefault(label, {})[parameter] = number
     return out
 

@@ -67,7 +67,9 @@ def _register_changes(commands) -> None:
     c = commands.add_parser('add', help='put an effect into the model, refit')
     c.add_argument('dir', metavar='DIR', help='a study')
     effects = c.add_argument(
-        'effects', metavar='EFFECT', nargs='*', help='names; none: the best of the diagnosis'
+        'effects', metavar='EFFECT', nargs='*',
+        help='names, for all axes or sensors but with --axis; none: the best of the diagnosis, '
+             'where it finds something'
     )
     completion.offer(effects, completion.effects())
     c.add_argument('--all', action='store_true', help='all that was found, not the first')

@@ -294,6 +294,9 @@ def state_space(model: Model, dt: float) -> StateSpace:
         raise UsageError('the model has no motion', 'add constant_rate or another motion')
     r = _white(noises)
     if not r > 0:
+        if (w := white_of(model)) is not None:
+            raise UsageError(f'{w.label}.{w.variance} is {r:g}', 'it must be above 0: without '
+                             'noise every sample is exact')
         raise UsageError(
             'the model has no white noise', 'add white: without it every sample is exact'
         )

@@ -56,7 +56,7 @@ class Analyser(Node):
             Setting('exit_at_end', False, 'end by itself when a bag is at its end and analysed'))
         self._stream = Streams(p['buffer_hours'])
         self._intake = Intake(self, self._stream, p['input'], p['accel_topic'])
-        self._results = Results(self, self._stream)
+        self._results = Results(self, self._stream, self._intake)
         self._folder = Folder()
         self._study: Study | None = None
         self._passes = '0'                      # of a bag, that were dealt with
@@ -84,6 +84,8 @@ class Analyser(Node):
         self._results.tell('analysing')
         chosen = {name: self._settings[name] for name in ('effects', 'method', 'keep_motion')}
         try:
+            if silence := self._intake.silence:
+                raise silence
             record = self._stream.record(**self._intake.source)
             self._study = tasks.analyse_record(record, **chosen)
         except ImuNoiseError as error:

@@ -25,7 +25,7 @@ from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import HOLD_S
 from ..core.units import DEG, G0
 from ..loop.study import Study
-from ..tasks.calibration import as_dict, FILE, Session
+from ..tasks.calibration import as_dict, assumed, doubts, FILE, Session
 
 
 class Calibration(Node):
@@ -71,6 +71,8 @@ class Calibration(Node):
         if p['file'] and Path(p['file']).exists():
             self._session.load(p['file'])
             self.get_logger().info(f'{p["file"]} is applied until something is solved')
+            for said in (*doubts(p['file']), *assumed(*self._session.corrections)):
+                self.get_logger().warning(f'{p["file"]}: {said}')
         self._tell()
 
     def _changed(self, _) -> None:

@@ -24,6 +24,7 @@ from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
+from ..core.errors import InputError
 from ..filter.design import AUTO
 from ..filter.engine import designed, Engine
 from ..filter.evaluate import Innovations
@@ -64,13 +65,14 @@ class Filter(Node):
         self._output = self.create_publisher(
             Imu, 'imu/data_filtered', live(), qos_overriding_options=overridable())
         self._innovations = self.create_publisher(DiagnosticArray, '~/innovations', result())
-        self._topic = ImuInput(self, self._take, live, drain=False).topic
+        self._input = ImuInput(self, self._take, live, drain=False)
+        self._topic = self._input.topic
         self._aside = Aside(self)
         Loop(self._aside, self._the_study, self._adopt, fresh=self._begin,
              compute=self._aside.compute)
         serve(self._aside, 'reset', self.reset)
         self._diagnostics = Diagnostics(
-            self, self._statuses, lambda: self._engine.counts.samples, lambda: self._frame)
+            self, self._statuses, self._received, lambda: self._frame)
         self._aside.create_timer(1.0, self._tell, clock=STEADY)
         self._aside.create_timer(1.0, self._diagnostics.tell, clock=STEADY)
         self._aside.begin()
@@ -140,6 +142,9 @@ class Filter(Node):
         with self._lock:
             t, z, _ = self._engine.history.latest(_JUDGED)
             design, counts = self._engine.design, self._engine.counts
+        if not len(t):
+            raise self._input.silence() or InputError(
+                f'{self._topic}: no rate was received yet', 'wait for some, or check the driver')
         stated: dict[str, dict] = dict.fromkeys(GYRO, {})
         if p['model']:
             stated = {**stated, **from_study(p['model'], p['motion'], p['noise'])[2]}
@@ -172,21 +177,31 @@ class Filter(Node):
         self._told = self._engine.counts.samples
         self._innovations.publish(messages.diagnostics(self, self._statuses()))
 
+    def _received(self) -> int:
+        """Return how many messages came, those that are not finite too."""
+        return self._engine.counts.samples + self._engine.counts.refused
+
     def _statuses(self) -> list[DiagnosticStatus]:
         """Return how the stream is, and how the innovations look, axis by axis."""
         _, _, scores = self._engine.history.latest(_SHOWN)
         counts, names = self._engine.counts, self._engine.design.names
         about = {**vars(counts), 'rate [Hz]': self._engine.rate_hz,
                  **{k: ' '.join(v) for k, v in names.items()}}
-        level = messages.WARN if counts.refused else messages.OK
-        statuses = [messages.status('stream', f'{counts.samples} samples', about, level)]
+        said, level = f'{counts.samples} samples', messages.OK
+        if counts.refused:
+            said, level = f'{said}, {counts.refused} refused: not finite', messages.WARN
+        elif silence := self._input.silence():
+            said = silence.message
+        statuses = [messages.status('stream', said, about, level)]
         for k, axis in enumerate(GYRO):
             found = Innovations.of(scores[:, k])
             judged = self._study.diagnosis.get(axis) if self._study else None
             verdict = judged.verdict if judged else 'not judged'
             missing = judged is not None and judged.verdict in ('missing', 'unknown')
-            level = messages.WARN if missing or _beyond_chance(found) else messages.OK
-            statuses.append(messages.status(axis, verdict, {
+            beyond = _beyond_chance(found)
+            level = messages.WARN if missing or beyond else messages.OK
+            said = f'{verdict}: innovations beyond chance' if beyond else verdict
+            statuses.append(messages.status(axis, said, {
                 'nis [1]': found.nis, 'mean [1]': found.mean, 'autocorrelation [1]': found.lag1,
                 'kurtosis [1]': found.kurtosis, 'samples': found.n, 'verdict': verdict},
                 level))

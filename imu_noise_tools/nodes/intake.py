@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from . import messages
 from .streams import SENSORS, Streams
 from .topics import complete, ImuInput, overridable, result
+from ..core.errors import InputError
 
 _AT_ONCE = 256          # messages read together: one by one costs twenty times as much
 
@@ -47,13 +48,14 @@ class Intake:
         self.end: int | None = None
         self.passes = '0'
         self._told: dict[str, str] = {}
+        self._inputs: list[ImuInput] = []
         group = MutuallyExclusiveCallbackGroup()
         if kind == 'messages':
             topics = {'gyro': 'imu/data_raw', 'accel': accel_topic} if accel_topic else {
                 '': 'imu/data_raw'}
-            self.topic = ','.join(
-                ImuInput(node, partial(self._take, sensor), topic=topic).topic
-                for sensor, topic in topics.items())
+            self._inputs = [ImuInput(node, partial(self._take, sensor), topic=topic)
+                            for sensor, topic in topics.items()]
+            self.topic = ','.join(i.topic for i in self._inputs)
         else:
             self.topic = node.resolve_topic_name('imu/buffer')
             node.create_subscription(Float64MultiArray, self.topic, self._take_block, complete(),
@@ -71,6 +73,12 @@ class Intake:
         self._quiet = 0 if self._stream.received != self._seen else self._quiet + 1
         self._seen = self._stream.received
         return self._quiet
+
+    @property
+    def silence(self) -> InputError | None:
+        """Why nothing was ever received; None where something was, or blocks are read."""
+        why = [i.silence() for i in self._inputs]
+        return why[0] if why and all(why) else None
 
     def read(self) -> None:
         """Put what waits into the stream."""

@@ -113,7 +113,8 @@ class Stream:
     The samples of a node: the last ``hours`` of them and the curve of all.
 
     Safe to fill from one thread and to read from another. ``received`` counts what came,
-    ``missed`` what did not (by the index of blocks, else by stamps).
+    ``missed`` what did not (by the index of blocks, else by stamps), ``not_finite`` what came and
+    is no number, of a sensor that has given some: one that is not there gives none.
 
     """
 
@@ -130,7 +131,8 @@ class Stream:
             self._clear()
 
     def _clear(self) -> None:
-        self.missed = self.received = self.held = 0
+        self.missed = self.received = self.held = self.not_finite = 0
+        self._gives = np.zeros(2, bool)
         self._parts: deque = deque()
         self._limit: int | None = None
         self._curve = LiveCurve(6)
@@ -199,6 +201,9 @@ class Stream:
         if not self.received:
             self._first = stamps[0]
         self._last = stamps[-1]
+        bad = ~np.isfinite(rows).reshape(-1, 2, 3).all(2)
+        self._gives |= ~bad.all(0)
+        self.not_finite += int(bad[:, self._gives].any(1).sum())
         self._parts.append((stamps, rows))
         self.held += len(stamps)
         self.received += len(stamps)

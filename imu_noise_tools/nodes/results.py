@@ -13,6 +13,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float64MultiArray
 
 from . import messages
+from .intake import Intake
 from .streams import Streams
 from .topics import result
 from .. import store
@@ -24,8 +25,8 @@ from ..noise.kinds import model_avar
 class Results:
     """The topics of a study and of the stream it is made from."""
 
-    def __init__(self, node, stream: Streams):
-        self._node, self._stream = node, stream
+    def __init__(self, node, stream: Streams, intake: Intake):
+        self._node, self._stream, self._intake = node, stream, intake
         self._drawn = 0
         self._state = 'gathering'
         self._coefficients: list[DiagnosticStatus] = []
@@ -42,7 +43,15 @@ class Results:
     def _counts(self) -> dict:
         s = self._stream
         return {'held': s.held, 'missed': s.missed, 'refused': s.refused,
-                'complete': s.complete}
+                'not_finite': s.not_finite, 'complete': s.complete}
+
+    def _flaws(self) -> str:
+        """Return what is wrong with what came, to be put behind its number."""
+        s = self._stream
+        late = 0 if s.expected is None else s.expected - s.received
+        return ''.join(f', {n} {what}' for n, what in (
+            (s.missed, 'missed'), (late, 'did not arrive'), (s.refused, 'could not be read'),
+            (s.not_finite, 'not finite'), (s.received - s.held, 'no longer held')) if n > 0)
 
     def tell(self, state: str) -> None:
         """Publish how many samples came."""
@@ -51,20 +60,22 @@ class Results:
 
     def _incoming(self, state: str, name: str = 'input') -> DiagnosticStatus:
         """Return how what comes in is."""
-        counts, received = self._counts(), self._stream.received
-        level = messages.OK if counts['complete'] and not counts['refused'] else messages.WARN
+        counts, received, flaws = self._counts(), self._stream.received, self._flaws()
+        level = messages.OK if counts['complete'] and not flaws else messages.WARN
+        silence = self._intake.silence
+        said = silence.message if silence else f'{received} samples{flaws}'
         values = {'state': state, 'samples': received, **counts, 'rate [Hz]': self._stream.rate_hz}
-        return messages.status(name, f'{state}, {received} samples', values, level)
+        return messages.status(name, f'{state}, {said}', values, level)
 
     def show(self, study: Study) -> None:
         """Publish a study: coefficients, diagnosis, and curves with the model beside them."""
         data = store.study_to_dict(study)
-        source, counts = data['source'], self._counts()
+        source, counts, flaws = data['source'], self._counts(), self._flaws()
         about = messages.status(
-            'record', f'{source["samples"]} samples at {source["rate_hz"]:g} Hz', {
+            'record', f'{source["samples"]} samples at {source["rate_hz"]:g} Hz{flaws}', {
                 'samples': source['samples'], 'rate [Hz]': source['rate_hz'],
                 'duration [s]': source['duration_s'], **counts},
-            messages.OK if counts['complete'] and not counts['refused'] else messages.WARN)
+            messages.OK if counts['complete'] and not flaws else messages.WARN)
         self._coefficients = [about, *(
             messages.coefficients(t, e) for t, e in data['targets'].items()), *(
             messages.status(axis, 'never changes', level=messages.ERROR)

@@ -81,6 +81,11 @@ class Streams:
         return sum(s.missed for s in self._of.values())
 
     @property
+    def not_finite(self) -> int:
+        """How many came that are no numbers."""
+        return sum(s.not_finite for s in self._of.values())
+
+    @property
     def held(self) -> int:
         """How many are held."""
         return sum(s.held for s in self._of.values())

@@ -13,6 +13,10 @@ from rclpy.qos import (DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfil
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 
+from ..core.errors import InputError
+
+_KIND = 'sensor_msgs/msg/Imu'
+_QUIET_S = 5            # nodes find each other in less, on a busy machine too
 _AT_ONCE = 1000         # messages taken in one callback at the most, so that timers get their turn
 # A timer of this clock goes on while simulated time stands still.
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
@@ -45,7 +49,8 @@ class ImuInput:
     A subscription to ``imu/data_raw`` that hands over messages as bytes.
 
     It is reliable, and best-effort as soon as a publisher is (a reliable reader gets nothing from
-    such), unless ``qos_overrides.<topic>.subscription.reliability`` says which.
+    such), unless ``qos_overrides.<topic>.subscription.reliability`` says which. A topic on which
+    nothing comes is spoken of after some seconds, and again when there is another reason.
 
     Parameters
     ----------
@@ -65,18 +70,18 @@ class ImuInput:
 
     def __init__(self, node, take, profile=complete, drain=True, topic='imu/data_raw'):
         self._node, self._take, self._profile = node, take, profile
-        self._callback = self._drain if drain else lambda raw: take([raw])
+        self._callback = self._drain if drain else self._one
+        self._name, self._heard, self._quiet, self._told = topic, False, 0, ''
         self.topic = node.resolve_topic_name(topic)
         self._group = MutuallyExclusiveCallbackGroup()
         self.best_effort = False
         name = f'qos_overrides.{self.topic}.subscription.reliability'
-        automatic = node.declare_parameter(name, 'automatic', ParameterDescriptor(
+        self._automatic = node.declare_parameter(name, 'automatic', ParameterDescriptor(
             description='reliable, best_effort, or automatic: as the publishers are',
             read_only=True)).value == 'automatic'
-        self._options = overridable(*(QoSPolicyKind.RELIABILITY,) * automatic)
+        self._options = overridable(*(QoSPolicyKind.RELIABILITY,) * self._automatic)
         self._subscription = self._subscribe()
-        if automatic:
-            node.create_timer(1.0, self._match, callback_group=self._group, clock=STEADY)
+        node.create_timer(1.0, self._look, callback_group=self._group, clock=STEADY)
 
     def _subscribe(self):
         """Subscribe as the publishers allow."""
@@ -84,6 +89,40 @@ class ImuInput:
         return self._node.create_subscription(
             Imu, self.topic, self._callback, self._profile(wanted), raw=True,
             callback_group=self._group, qos_overriding_options=self._options)
+
+    def _look(self) -> None:
+        """Follow the publishers, and say why nothing comes."""
+        if self._automatic:
+            self._match()
+        self._quiet += 1
+        if self._quiet >= _QUIET_S and (why := self.silence()) and why.message != self._told:
+            self._told = why.message
+            self._node.get_logger().warning(str(why))
+
+    def silence(self) -> InputError | None:
+        """Return why nothing was ever received, by who publishes; None where something was."""
+        if self._heard:
+            return None
+        kinds = {p.topic_type for p in self._node.get_publishers_info_by_topic(self.topic)}
+        if _KIND in kinds:
+            return InputError(f'nothing was received yet: who publishes on {self.topic} is silent',
+                              'start the sensor, or play a bag')
+        others = self._others()
+        remedy = f'remap {self._name} to {" or ".join(others)}' if others else (
+            f'publish on {self.topic}, play a bag, or remap {self._name}')
+        if kinds:
+            return InputError(f'nothing was received yet: {self.topic} has the type '
+                              f'{", ".join(sorted(kinds))}, not {_KIND}', remedy)
+        return InputError(f'nothing was received yet: nobody publishes on {self.topic}', remedy)
+
+    def _others(self) -> list[str]:
+        """Return the Imu topics on which others publish."""
+        node = self._node
+        own = dict(node.get_publisher_names_and_types_by_node(
+            node.get_name(), node.get_namespace()))
+        return [t for t, kinds in node.get_topic_names_and_types()
+                if _KIND in kinds and t not in own and t != self.topic and any(
+                    p.topic_type == _KIND for p in node.get_publishers_info_by_topic(t))]
 
     def _match(self) -> None:
         """Go over to best effort where a publisher is, and back when none is left."""
@@ -97,8 +136,14 @@ class ImuInput:
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe()
 
+    def _one(self, raw: bytes) -> None:
+        """Take this message."""
+        self._heard = True
+        self._take([raw])
+
     def _drain(self, raw: bytes) -> None:
         """Take this message and all that wait behind it."""
+        self._heard = True
         batch, handle = [raw], self._subscription.handle
         with handle:
             while len(batch) < _AT_ONCE:

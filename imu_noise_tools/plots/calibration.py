@@ -25,7 +25,8 @@ from .style import (
     readable,
     SMALL,
 )
-from ..calibration import Calibration, CalibrationProblem, of_study, Regressor
+from ..calibration import Calibration, CalibrationProblem, of_study, Regressor, TurnsProblem
+from ..calibration.between import integrated, misses
 from ..calibration.poses import DIRECTIONS, unit
 from ..loop.prediction import State
 from ..loop.study import Study
@@ -40,52 +41,79 @@ _LOUD = 3.0         # a pose further off than this many standard errors is named
 
 def residuals(ax: Axes, calibration: Calibration) -> Axes:
     """Draw each pose's residual, and shade what other poses predict differently."""
-    poses, fit = calibration.poses, calibration.fit
-    x = 1 + np.arange(poses.n)
-    system, left = fit.details.equations, calibration.problem.left_out(fit)
-    if calibration.problem.method == 'norm':
-        size = 1.0 / np.linalg.norm(system.whitener[:, 0, :], axis=1)
-        direction = system.whitener[:, 0, :] * size[:, None]
-        value, unit_ = np.einsum('ni,in->n', direction,
-                                 fit.details.residual), calibration.problem.unit
-        ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
-        ax.errorbar(x, np.zeros(poses.n), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
-                    capsize=2,
-                    label='±2 standard errors')
-    elif calibration.problem.method == 'turns':
-        turned = [n.startswith('turn') for n in poses.names]
-        value, unit_ = np.degrees(np.linalg.norm(fit.details.residual, axis=0)), 'deg'
-        ax.bar(x[turned], value[turned], 0.6, color=AXES['x'],
-               label='angle by which a turn misses gravity')
-    else:
-        # tilt makes lateral readings a hundred times less certain than axial ones: only in
-        # standard errors do both show
-        pull, unit_ = fit.details.residual.T / _reading_std(system), 'standard errors'
-        ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
-        for k, axis in enumerate('xyz'):
-            rms = float(np.sqrt(np.mean((fit.details.residual[k] / poses.amount) ** 2)))
-            ax.bar(x + 0.27 * (k - 1), pull[:, k], 0.25, color=AXES[axis],
-                   label=f'{axis}: {rms:.2g} {readable(calibration.problem.unit)} rms')
-        ax.set_ylim(min(-2.5, 1.1 * pull.min()), max(2.5, 1.1 * pull.max()))
-    dress(ax, f'{calibration.sensor}: residual of each pose', '', readable(unit_))
+    poses, problem = calibration.poses, calibration.problem
+    left = problem.left_out(calibration.fit)
+    draw = {'norm': _magnitudes, 'turns': _turns}.get(problem.method, _readings)
+    unit_ = draw(ax, calibration, 1 + np.arange(poses.n))
+    each = 'turn and rest' if problem.method == 'turns' else 'pose'
+    dress(ax, f'{calibration.sensor}: residual of each {each}', '', readable(unit_))
     ax.axhline(0, color=FAINT, linewidth=0.8)
     pull = np.sqrt(left.x / np.maximum(left.bins, 1))
-    for k in np.flatnonzero((pull > _LOUD) & (left.bins > 0)):
+    off = (pull > _LOUD) & (left.bins > 0)
+    for k in np.flatnonzero(off):
         ax.axvspan(k + 0.5, k + 1.5, color=FAIL, alpha=0.12, linewidth=0)
     if poses.n <= 24:
-        ax.set_xticks(x, poses.names, rotation=90 if poses.n > 9 else 0)
+        ax.set_xticks(1 + np.arange(poses.n), poses.names, rotation=90 if poses.n > 9 else 0)
     else:
-        ax.set_xlabel('pose', fontsize=SMALL)
+        ax.set_xlabel('turns, then rests' if problem.method == 'turns' else 'pose',
+                      fontsize=SMALL)
     ax.set_xlim(0.3, poses.n + 0.7)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.22 * (high - low))
     ax.legend(fontsize=SMALL, frameon=False, ncol=4, loc='upper left', handlelength=1.2,
               columnspacing=1.2)
-    if ((pull > _LOUD) & (left.bins > 0)).any():
-        ax.text(0.995, 0.02, 'shaded: the other poses predict something else',
-                transform=ax.transAxes, ha='right',
-                fontsize=SMALL, color=FAIL)
+    if off.any():       # above the bars, where none of them is
+        ax.text(1.0, 1.02, 'shaded: the other poses predict something else',
+                transform=ax.transAxes, ha='right', va='bottom', fontsize=SMALL, color=FAIL)
     return ax
+
+
+def _magnitudes(ax, calibration, x):
+    """Draw the residuals of magnitudes with their standard errors; return the unit."""
+    whitener = calibration.fit.details.equations.whitener[:, 0, :]
+    size = 1.0 / np.linalg.norm(whitener, axis=1)
+    value = np.einsum('ni,in->n', whitener * size[:, None], calibration.fit.details.residual)
+    ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
+    ax.errorbar(x, np.zeros(len(x)), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
+                capsize=2, label='±2 standard errors')
+    return calibration.problem.unit
+
+
+def _turns(ax, calibration, x):
+    """
+    Draw by how much turns miss gravity and rests the bias, as times their noise; return that.
+
+    By noise alone: by noise and the scatter that was fitted everything is as large as it should.
+
+    """
+    turns, left = calibration.problem.data, calibration.fit.details.residual
+    miss, rest = np.linalg.norm(left[:, :turns.n], axis=0), left[:, turns.n:]
+    ax.axhspan(0, 2, color='#eef1f3', linewidth=0, zorder=0)
+    ax.bar(x[:turns.n], miss / np.sqrt(2) / turns.spread, 0.6, color=AXES['x'],
+           label=f'turns miss gravity by {_rms_deg(miss):.2g}° rms')
+    ax.bar(x[turns.n:], np.sqrt(np.mean((rest / turns.rests.std) ** 2, axis=0)), 0.6,
+           color=AXES['z'], label=f'rests miss the bias by {np.sqrt(np.mean(rest ** 2)):.2g} '
+                                  f'{readable(calibration.problem.unit)} rms')
+    return 'times the noise'
+
+
+def _rms_deg(angles) -> float:
+    return float(np.degrees(np.sqrt(np.mean(np.square(angles)))))
+
+
+def _readings(ax, calibration, x):
+    """Draw the residuals of the three readings in standard errors; return that."""
+    # tilt makes lateral readings a hundred times less certain than axial ones: only in
+    # standard errors do both show
+    left, poses = calibration.fit.details.residual, calibration.poses
+    pull = left.T / _reading_std(calibration.fit.details.equations)
+    ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
+    for k, axis in enumerate('xyz'):
+        rms = float(np.sqrt(np.mean((left[k] / poses.amount) ** 2)))
+        ax.bar(x + 0.27 * (k - 1), pull[:, k], 0.25, color=AXES[axis],
+               label=f'{axis}: {rms:.2g} {readable(calibration.problem.unit)} rms')
+    ax.set_ylim(min(-2.5, 1.1 * pull.min()), max(2.5, 1.1 * pull.max()))
+    return 'standard errors'
 
 
 def _reading_std(system):
@@ -136,11 +164,40 @@ def _lambert(u, sign):
 
 
 def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
-    """Draw the error of each pose's magnitude, as it came and corrected; return the axes."""
-    poses = calibration.poses
+    """Draw the error of each pose or turn, as it came and corrected; return the axes."""
     if calibration.problem.method == 'turns':
-        poses = poses.take([k for k, n in enumerate(poses.names) if n.startswith('turn')])
-        poses = poses.with_inputs(calibration.fit.details.inputs[:, :poses.n])
+        error, floor = _missed(calibration)
+        title, unit_ = 'how far turns miss gravity', 'angle, °'
+    else:
+        error, floor = _of_magnitudes(calibration)
+        title, unit_ = 'error of the magnitude', readable(calibration.problem.unit)
+        unit_ = f'{"| |f| − g |" if calibration.sensor == "accel" else "| |ω| − true |"}, {unit_}'
+    x = 1 + np.arange(len(error[0]))
+    for value, colour, name in zip(error, (FAINT, EFFECTS[0]), ('as it came', 'calibrated')):
+        rms = float(np.sqrt(np.mean(value ** 2)))
+        ax.plot(x, np.maximum(value, floor), 'o', markersize=4, color=colour,
+                label=f'{name}: {rms:.2g} rms')
+        ax.axhline(max(rms, floor), color=colour, linewidth=1, linestyle='--')
+    ax.set_yscale('log')
+    dress(ax, f'{title}, before and after', 'turn' if calibration.problem.method == 'turns' else
+          'pose', unit_)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high * (high / low) ** 0.25)
+    ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncol=2)
+    return ax
+
+
+def _missed(calibration):
+    """Return the angles by which turns miss gravity, as they came and corrected, and a floor."""
+    turns = cast(TurnsProblem, calibration.problem).data
+    raw = misses(turns, integrated(turns, turns.gyro))
+    left = calibration.fit.details.residual[:, :turns.n].T
+    return [np.degrees(np.linalg.norm(x, axis=1)) for x in (raw, left)], 1e-5
+
+
+def _of_magnitudes(calibration):
+    """Return the errors of the magnitudes, as they came and corrected, and a floor."""
+    poses = calibration.poses
     mean = (poses.outputs / poses.amount).T
     after = calibration.correction.apply(mean,
                                          poses.temperature if np.isfinite(poses.temperature).all()
@@ -148,22 +205,8 @@ def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
                                          poses.force.T if np.isfinite(poses.force).all() else None)
     truth = np.linalg.norm(poses.rates, axis=0) if poses.known else np.full(poses.n,
                                                                             poses.magnitude)
-    error = [np.abs(np.linalg.norm(v, axis=1) - truth) for v in (mean, after)]
-    x = 1 + np.arange(poses.n)
-    floor = 1e-7 * poses.magnitude
-    for value, colour, name in zip(error, (FAINT, EFFECTS[0]), ('as it came', 'calibrated')):
-        rms = float(np.sqrt(np.mean(value ** 2)))
-        ax.plot(x, np.maximum(value, floor), 'o', markersize=4, color=colour,
-                label=f'{name}: {rms:.2g} rms')
-        ax.axhline(max(rms, floor), color=colour, linewidth=1, linestyle='--')
-    ax.set_yscale('log')
-    what = '| |f| − g |' if calibration.sensor == 'accel' else '| |ω| − true |'
-    dress(ax, 'error of the magnitude, before and after', 'pose',
-          f'{what}, {readable(calibration.problem.unit)}')
-    low, high = ax.get_ylim()
-    ax.set_ylim(low, high * (high / low) ** 0.25)
-    ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncol=2)
-    return ax
+    return ([np.abs(np.linalg.norm(v, axis=1) - truth) for v in (mean, after)],
+            1e-7 * poses.magnitude)
 
 
 def calibration_figure(calibration: Calibration) -> Figure:
@@ -181,12 +224,19 @@ def calibration_figure(calibration: Calibration) -> Figure:
                 fontsize=9, fontweight='bold', color=MEASURED)
     right = grid[1, 2].subgridspec(1, 2, width_ratios=[0.07, 1])
     before_and_after(figure.add_subplot(right[0, 1]), calibration)
-    x2, dof = calibration.fit.details.chi2, calibration.fit.details.dof
     figure.text(0.075, 0.955, f'{calibration.sensor}, {calibration.problem.method}: '
-                              f'{calibration.poses.n} poses, '
-                f'χ² {x2:.1f} with {dof} degrees of freedom', fontsize=12, fontweight='bold',
+                              f'{_weighed(calibration)}', fontsize=12, fontweight='bold',
                 color=MEASURED)
     return figure
+
+
+def _weighed(calibration):
+    """Return how many poses there are, and how well they are met, for people."""
+    poses, details = calibration.poses, calibration.fit.details
+    if calibration.problem.method == 'turns':       # their scatter is what chi-squared makes it
+        turns = calibration.problem.data.n
+        return f'{turns} turns between poses, and {poses.n - turns} rests'
+    return f'{poses.n} poses, χ² {details.chi2:.1f} with {details.dof} degrees of freedom'
 
 
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:

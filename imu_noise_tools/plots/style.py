@@ -66,6 +66,18 @@ def small_png(data: bytes) -> bytes:
     return out.getvalue()
 
 
+def stacked(pictures: Sequence[bytes]) -> bytes:
+    """Return PNGs of the same width as one, below each other."""
+    from PIL import Image
+    out = io.BytesIO()
+    images = [Image.open(io.BytesIO(data)).convert('RGB') for data in pictures]
+    whole = Image.new('RGB', (images[0].width, sum(i.height for i in images)))
+    for k, image in enumerate(images):
+        whole.paste(image, (0, sum(i.height for i in images[:k])))
+    whole.save(out, 'PNG')
+    return out.getvalue()
+
+
 def pixels(figure: Figure) -> np.ndarray:
     """Return a figure as RGB pixels, (height, width, 3) uint8: what an image message wants."""
     canvas = _agg(figure)

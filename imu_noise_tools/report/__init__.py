@@ -6,5 +6,6 @@
 from .page import html, overview
 from .pictures import pictures
 from .terminal import text
+from ..plots.style import stacked
 
-__all__ = ['html', 'overview', 'pictures', 'text']
+__all__ = ['html', 'overview', 'pictures', 'stacked', 'text']

@@ -34,8 +34,9 @@ _CAPTIONS = {
     'target': 'Allan deviation and spectrum with their pulls; the time series; the rms of the '
               'noise in time; how many samples lie where a normal distribution has equally many. '
               'Grey in the lower row: all but one point of a thousand lie there by chance.',
-    'poses': 'Residual of each pose, shaded where the other poses predict something else; the '
-             'directions covered; the errors before and after the calibration.',
+    'poses': 'Residual of each pose, shaded where the other poses predict something else (of '
+             'turns and rests, how many times as large as noise alone makes it); the directions '
+             'covered; the errors before and after the calibration.',
     'innovations': 'What the model did not foresee, in its own standard deviations, axis by axis: '
                    'independent and normal if the model is right. Then the dots fill the green '
                    'band, and nothing sticks out of the other three beyond chance.',
@@ -144,7 +145,8 @@ def _target(study: Study, target: str, shown: Mapping[str, Any]) -> str:
         parts.append(_diagnosis(target, d, shown))
     full = shown.get(f'target {target}')
     if full is not None:
-        parts.append(image(full, f'{target} in full', _CAPTIONS['target']))
+        parts.append(image(full, f'{target} in full',
+                           _CAPTIONS['poses' if 'poses' in shown else 'target']))
     added = [s.added for s in study.history if s.target == target and s.added]
     story = badge(f'after adding {", then ".join(added)}', 'faint') if added else ''
     return folded(f'{_bold(target)} {badge(said, quality)} {story}', '\n'.join(parts),

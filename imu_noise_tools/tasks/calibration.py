@@ -138,6 +138,8 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
 
     """
     notes = _clipped_turns(records)
+    if asked:           # else the accelerometer's notes say so
+        notes += filter(None, (core.too_short(r, seconds) for r in records))
     better = core.completed(accel)
     more = [e.name for e in better.fit.model.of(core.Regressor)
             if e.label not in accel.fit.model]
@@ -257,7 +259,8 @@ def _part(study, target):
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
     """Return all files of a calibration study by name; ``folder`` is what the page names."""
     shown = report.pictures(study)
-    return {**store.study_files(study), 'calibration.png': shown['poses'],
+    both = [shown['poses'], *(shown[f'target {t}'] for t in study.targets[1:])]
+    return {**store.study_files(study), 'calibration.png': report.stacked(both),
             'report.html': report.html(study, shown, folder=str(folder or 'DIR')),
             FILE: store.dump_yaml(as_dict(study))}
 
@@ -339,8 +342,27 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
 
+def doubts(path: str | Path) -> list[str]:
+    """Return what the diagnosis in a calibration.yaml, or in a folder's, says is missing."""
+    path = Path(path)
+    parts = [(p.get('sensor'), p.get('diagnosis') or {})
+             for p in sensors_of(path / FILE if path.is_dir() else path)]
+    return [f'{sensor}: this calibration is not complete ({found["verdict"]}): '
+            f'{found.get("advice", "")}' for sensor, found in parts
+            if found.get('verdict', 'complete') != 'complete']
+
+
+def assumed(*corrections: core.Correction) -> list[str]:
+    """Return what corrections assume of samples that come without a temperature."""
+    return [f'{c.sensor}: no temperature is recorded: {c.reference_temperature:.2f} degC is '
+            f'assumed, and what {" and ".join(c.heated)} adds at another stays in'
+            for c in corrections if c.heated]
+
+
 def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
-    """Return a record with each correction applied to its sensor."""
+    """Return a record with each correction applied to its sensor, and warnings of what it took."""
+    if 'temperature' not in record.covariates:
+        record = record.warned(*assumed(*corrections))
     for c in corrections:
         raw = getattr(record, c.sensor)
         if raw is None:
@@ -363,9 +385,11 @@ def apply_calibration(
     fields: str | None = None,
     force: bool = False,
     progress: Any = None,
-) -> Path:
+) -> tuple[Path, tuple[str, ...]]:
     """
-    Copy a bag with ``imu/data_calibrated`` beside its topics; return where it is.
+    Copy a bag with ``imu/data_calibrated`` beside its topics; return where it is, and warnings.
+
+    They say what is missing in the calibration, and what it assumes that the bag does not hold.
 
     Raises
     ------
@@ -375,11 +399,15 @@ def apply_calibration(
     """
     from ..bag import copy_bag
     corrections = load_corrections(calibration)
+    warnings = doubts(calibration)
 
     def correct(record: ImuRecord) -> ImuRecord:
-        return corrected(record, *corrections)
-    return copy_bag(bag, out, correct, topic=topic, fields=fields, new_topic=CALIBRATED,
-                    force=force, progress=progress)
+        better = corrected(record, *corrections)
+        warnings.extend(better.warnings[len(record.warnings):])
+        return better
+    written = copy_bag(bag, out, correct, topic=topic, fields=fields, new_topic=CALIBRATED,
+                       force=force, progress=progress)
+    return written, tuple(warnings)
 
 
 class Session(core.Session):

@@ -239,6 +239,10 @@ def _filtered(
         motion, noise, stated, more = from_study(model, motion, noise, 1 / rate)
         notes += more
     chosen = design(motion, noise, alpha, values)
+    for label in values or ():
+        if label not in (*chosen.names['motion'], *chosen.names['noise']):
+            raise UsageError(f'a value is given for {label}, which is not in the model',
+                             'name it under --motion or --noise')
     done = filter_record(record.t, record.gyro, chosen, rate_hz,
                          None if progress is None else lambda p: progress(p, 'filtering'), smooth,
                          delay)
