@@ -49,7 +49,7 @@ LOW = 4096  # signed coefficients kept: what jumps shows in all of them
 CALM = 1024  # of them, in which a thermometer is looked at for lines
 JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
-STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
+STAIRS = 0.05  # share of samples at which a staircase rises or falls
 ENVELOPE = 1000  # columns of the picture of the time series
 
 
@@ -403,19 +403,39 @@ def unrounded(x: np.ndarray) -> np.ndarray:
     """
     Return a slow quantity that was read in coarse steps, (n,), as it may have gone on between.
 
-    It crossed the middle between two levels when the reading changed. What changes back as often
-    as not is noise that the steps do not hide, and stays as it is.
+    It crossed the middle between two levels when the reading changed, and there as fast as the
+    crossings before and after it say (a parabola through the three); where it turned back in
+    between it went on beyond them, and within its level. What changes all the time is noise that
+    the steps do not hide, and stays as it is.
 
     """
-    at = np.flatnonzero(np.diff(x) != 0) + 1
+    read = _as_read(x)
+    at = np.flatnonzero(np.diff(read) != 0) + 1
     if not 2 < len(at) < STAIRS * len(x):
         return x
-    up = x[at] > x[at - 1]
-    if np.mean(up[1:] != up[:-1]) > TURNS:
+    from scipy.interpolate import CubicHermiteSpline  # half a second to load
+
+    when = np.r_[0, at - 0.5, len(x) - 1]
+    crossed = np.r_[read[0], 0.5 * (read[at] + read[at - 1]), read[-1]]
+    half = 0.5 * np.median(np.abs(read[at] - read[at - 1]))
+    line = np.interp(np.arange(len(x)), when, crossed)
+    curve = CubicHermiteSpline(when, crossed, np.gradient(crossed, when))(np.arange(len(x)))
+    return np.clip(curve, np.minimum(line, read - half), np.maximum(line, read + half))
+
+
+def _as_read(x: np.ndarray) -> np.ndarray:
+    """
+    Return a quantity (n,) on the levels at which it stays, where it does so most of the time.
+
+    What is read less often than an axis goes from one level to the next on a line, which says
+    nothing of how it did.
+
+    """
+    stays = np.diff(x) == 0
+    if np.mean(stays) < 0.5:
         return x
-    middle = 0.5 * (x[at] + x[at - 1])
-    return np.interp(np.arange(len(x)), np.r_[0, at - 0.5, len(x) - 1],
-                     np.r_[x[0], middle, x[-1]])
+    levels = np.unique(x[1:][stays])
+    return levels[np.searchsorted(0.5 * (levels[1:] + levels[:-1]), x)]
 
 
 def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins, memory: Memory):
