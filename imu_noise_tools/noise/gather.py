@@ -35,6 +35,7 @@ from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
 from .slower import as_measured, images_of_lines, Measured
+from .stairs import unrounded
 from .sweep import find_sweep, on_its_path, Sweep
 from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
@@ -49,7 +50,6 @@ LOW = 4096  # signed coefficients kept: what jumps shows in all of them
 CALM = 1024  # of them, in which a thermometer is looked at for lines
 JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
-STAIRS = 0.05  # share of samples at which a staircase rises or falls
 ENVELOPE = 1000  # columns of the picture of the time series
 
 
@@ -182,8 +182,8 @@ class _Gathering:
     def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
         """Return what effects keep of all that was read of an axis."""
         y = np.ascontiguousarray(self.read.column(axis), float)
-        inputs = Inputs(self.read.t, self.read.dt, axis=axis, slower=self.seen.slower,
-                        axes={a: self.read.column(a) for a in self.read.axes})
+        inputs = Inputs(self.read.t, self.read.dt, self.read.covariates, axis=axis,
+                        slower=self.seen.slower, axes={a: self.read.column(a) for a in self.read.axes})
         return {name: kept for name, cls in _known().items()
                 if cls.of_readings and (kept := cls.statistics(y, inputs))}
 
@@ -397,30 +397,6 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
         out[SQUARE] = total
     memory.rest()
     return out
-
-
-def unrounded(x: np.ndarray) -> np.ndarray:
-    """
-    Return a slow quantity that was read in coarse steps, (n,), as it may have gone on between.
-
-    It crossed the middle between two levels when the reading changed, and there as fast as the
-    crossings before and after it say (a parabola through the three); where it turned back in
-    between it went on beyond them, and within its level. What changes all the time is noise that
-    the steps do not hide, and stays as it is.
-
-    """
-    read = _as_read(x)
-    at = np.flatnonzero(np.diff(read) != 0) + 1
-    if not 2 < len(at) < STAIRS * len(x):
-        return x
-    from scipy.interpolate import CubicHermiteSpline  # half a second to load
-
-    when = np.r_[0, at - 0.5, len(x) - 1]
-    crossed = np.r_[read[0], 0.5 * (read[at] + read[at - 1]), read[-1]]
-    half = 0.5 * np.median(np.abs(read[at] - read[at - 1]))
-    line = np.interp(np.arange(len(x)), when, crossed)
-    curve = CubicHermiteSpline(when, crossed, np.gradient(crossed, when))(np.arange(len(x)))
-    return np.clip(curve, np.minimum(line, read - half), np.maximum(line, read + half))
 
 
 def _as_read(x: np.ndarray) -> np.ndarray:
