@@ -324,7 +324,7 @@ def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
 
 
 def hidden_by_steps(evidence: Evidence, model: Model, effect: Effect) -> str:
-    """Say that a course moves a mean no further than what another follows does between its steps."""
+    """Say that a course moves a mean no further than what another follows may unseen."""
     if not isinstance(effect, Mean) or effect.needs != NoiseEffect.needs:
         return ''
     size = float(np.ptp(effect.mean(evidence.slow_inputs)))

@@ -182,8 +182,8 @@ class _Gathering:
     def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
         """Return what effects keep of all that was read of an axis."""
         y = np.ascontiguousarray(self.read.column(axis), float)
-        inputs = Inputs(self.read.t, self.read.dt, self.read.covariates, axis=axis,
-                        slower=self.seen.slower, axes={a: self.read.column(a) for a in self.read.axes})
+        inputs = Inputs(self.read.t, self.read.dt, self.read.covariates,
+                        {a: self.read.column(a) for a in self.read.axes}, axis, self.seen.slower)
         return {name: kept for name, cls in _known().items()
                 if cls.of_readings and (kept := cls.statistics(y, inputs))}
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A slow quantity that is read in coarse steps: how it goes on between, and how coarse they are."""
+"""A slow quantity that is read in steps: how it goes on between, and how coarse they are."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ def unrounded(x: np.ndarray) -> np.ndarray:
 
     It crossed the middle between two levels when the reading changed, and there as fast as the
     crossings before and after it say (a parabola through the three); where it turned back in
-    between it went on beyond them, and within its level. What changes all the time is noise that
-    the steps do not hide, and stays as it is.
+    between it went on beyond them, and within its level. Before the first and after the last of
+    them it is on a line. What changes all the time is noise that the steps do not hide, and stays
+    as it is.
 
     """
     read, at = _stairs(x)
@@ -25,10 +26,11 @@ def unrounded(x: np.ndarray) -> np.ndarray:
         return x
     from scipy.interpolate import CubicHermiteSpline  # half a second to load
 
-    when, t = np.r_[0, at - 0.5, len(x) - 1], np.arange(len(x))
-    crossed = np.r_[read[0], 0.5 * (read[at] + read[at - 1]), read[-1]]
-    half, line = 0.5 * _step(read, at), np.interp(t, when, crossed)
-    curve = CubicHermiteSpline(when, crossed, np.gradient(crossed, when))(t)
+    t, when, crossed = np.arange(len(x)), at - 0.5, 0.5 * (read[at] + read[at - 1])
+    half, speed = 0.5 * _step(read, at), np.gradient(crossed, when, edge_order=2)
+    line = np.interp(t, np.r_[0, when, len(x) - 1], np.r_[read[0], crossed, read[-1]])
+    curve = CubicHermiteSpline(when, crossed, speed)(t)
+    curve = np.where((t < when[0]) | (t > when[-1]), line, curve)
     return np.clip(curve, np.minimum(line, read - half), np.maximum(line, read + half))
 
 
@@ -40,7 +42,9 @@ def step_of(x: np.ndarray) -> float:
 
 def _stairs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return a quantity (n,) on its levels, and where it is another than before; nowhere if it is none.
+    Return a quantity (n,) on its levels, and where it is another than before (k,).
+
+    Nowhere where it is no staircase.
 
     What is read less often than an axis goes from one level to the next on a line, which says
     nothing of how it did: it is on the nearest of those at which it stays most of the time.
