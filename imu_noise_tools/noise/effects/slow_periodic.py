@@ -8,6 +8,7 @@ import numpy as np
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter
 from ..lines import ORDERS, SWING
+from ..thermal import TEMPERATURE
 from ...loop.effect import Effect
 
 
@@ -31,9 +32,8 @@ class SlowPeriodic(Mean):
         'deviation up to half of that period, then a dip'
     )
     hint = (
-        'Air conditioning or heating that switches, the day, a regulator that hunts. Record the '
-        'temperature along with the IMU: if it swings alike, temperature is the effect to add. '
-        'Close the room, or record over several periods.'
+        'Air conditioning or heating that switches, the day, a regulator that hunts. Close the '
+        'room, or record over several periods.'
     )
     reference = 'IEEE 952 C.1.7 (sinusoidal noise), below the frequencies at which lines are found'
     several = True
@@ -81,6 +81,12 @@ class SlowPeriodic(Mean):
         orders = int(self.values.get('orders', ORDERS))
         return {'period': (0.09 * evidence.duration, 2.2 * evidence.duration),
                 **{name: (0.0, 0.0) for name in self.optional[2 * orders - 2:]}}
+
+    def lacking(self, evidence: Evidence) -> str:
+        """Ask for the temperature where none was recorded, which may swing alike."""
+        return '' if TEMPERATURE in evidence.slow_others else (
+            'Record the temperature along with the IMU: if it swings alike, temperature is the '
+            'effect to add.')
 
     def columns(self, inputs: Inputs, period: float, orders: float = 1.0) -> np.ndarray:
         """Return cosine and sine of each order, zero beyond the highest."""
