@@ -353,6 +353,8 @@ def the_record(effect=None, minutes=40, seed=0):
     if effect is not None:
         base = axes['gyro_x'] if effect.name != 'white' else np.zeros(n)
         axes['gyro_x'] = effect.apply(base, given, rng)
+        if effect.free:     # told by the other axes
+            axes |= {a: effect.apply(axes[a], given, rng) for a in ('gyro_y', 'gyro_z')}
     gyro, accel = (np.column_stack([axes[f'{s}_{c}'] for c in 'xyz']) for s in ('gyro', 'accel'))
     return record.ImuRecord(gyro, accel, given.t, 1 / DT, covariates=dict(given.covariates))
 
@@ -360,7 +362,7 @@ def the_record(effect=None, minutes=40, seed=0):
 def evidence_of(effect=None, **kwargs):
     """Return what is kept of gyro_x; the other axes are dead where no effect needs them."""
     made = the_record(effect, **kwargs)
-    if effect is None or isinstance(effect, Coupling):
+    if effect is None or effect.free or isinstance(effect, Coupling):
         return gather(made, record.AXES)['gyro_x']
     alone = np.where(np.arange(3) == 0, made.gyro, 0.0)
     return gather(replace(made, gyro=alone, accel=None), ['gyro_x'])['gyro_x']

@@ -19,6 +19,7 @@ APART = 0.1  # of the power of two axes in common, from which they hear one sour
 DEEPEST = 60.0  # of ln gain^2, which a number can hold
 FAR = 1.0  # of ln power: a bin farther off counts no more, a line is there
 STEPS, ENOUGH, LONGEST = 50, 1e-9, 3.0  # Newton steps, and of one how much of ln power
+LEAST = 1e-12  # of the curvature: some of it is left where a band holds no power at all
 
 
 class DigitalFilter(Response):
@@ -118,7 +119,8 @@ def _cosines(bins: Bins, power: np.ndarray) -> np.ndarray:
     a = np.linalg.lstsq(basis * root[:, None], root * bins.log_level(power), rcond=None)[0]
     for _ in range(STEPS):
         over = bins.count * power * np.exp(-basis @ a)
-        step = np.linalg.solve((basis.T * over) @ basis, basis.T @ (over - bins.count))
+        curved = (basis.T * over) @ basis + LEAST * np.sum(over) * np.eye(ORDER + 1)
+        step = np.linalg.solve(curved, basis.T @ (over - bins.count))
         a = a + step / max(1.0, np.max(np.abs(basis @ step)) / LONGEST)
         if np.max(np.abs(basis @ step)) < ENOUGH:
             break
