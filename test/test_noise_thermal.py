@@ -262,3 +262,11 @@ def test_to_record_the_temperature_is_asked_for_a_swing_where_it_is_not_there():
         k: v for k, v in e.common.slow.items() if k != 'temperature'}))
     assert 'temperature' in swing.lacking(bare) and not swing.lacking(e)
     assert 'temperature' not in swing.hint
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', range(3))
+def test_a_coarse_thermometer_leaves_no_swing_to_name(seed):
+    study = analyse_record(heated_by(seed, 1.0), axes=['gyro_x'], keep_motion=True)
+    said = study.diagnose()['gyro_x']
+    assert [f.name for f in said.found] == ['temperature'] and said.remaining is None
