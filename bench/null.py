@@ -52,8 +52,8 @@ LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # what gains are computed by
 SOURCES = ('alike', 'candidates', 'descent', 'drawn', 'dwells', 'dying', 'evidence', 'explained',
            'fit', 'gather', 'kinds', 'likelihood', 'lines', 'measured', 'problem', 'quiet',
-           'response', 'ringing', 'robust', 'rounded', 'search', 'shared', 'smooth', 'stairs',
-           'starts', 'steady', 'tails', 'telegraph', 'thermal', 'views', 'effects/*')
+           'response', 'ringing', 'robust', 'rounded', 'search', 'shared', 'smooth', 'starts',
+           'steady', 'tails', 'telegraph', 'thermal', 'views', 'effects/*')
 
 
 def source_hash() -> str:

@@ -28,12 +28,11 @@ from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, c
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
-from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.gather import gather, unrounded
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.response import open_response, Order
-from imu_noise_tools.noise.stairs import unrounded
 from imu_noise_tools.noise.starts import _background
 from imu_noise_tools.noise.views import beside, p_value, time, variance
 

@@ -3,20 +3,17 @@
 
 """Axes that follow the temperature tell it better than a coarse thermometer; noise tells none."""
 
-from dataclasses import replace
-
 import numpy as np
 from params import daily
 import pytest
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.noise import thermal
-from imu_noise_tools.noise.candidates import candidates, hidden_by_steps
+from imu_noise_tools.noise.candidates import candidates
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.stairs import step_of, unrounded
 from imu_noise_tools.noise.thermal import course_of
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -200,73 +197,3 @@ def test_a_course_and_a_temperature_that_has_it_are_as_likely_beforehand(what, s
     else:
         assert found == ['temperature' if what == 'sways with it' else 'transient']
         assert ('Record the temperature' in said.advice) == ('none' in what)
-
-
-def swings(seconds):
-    """Return the temperature of a die that warms up in a room of which the air is conditioned."""
-    t = np.arange(float(seconds))
-    return 26 + 5 * (1 - np.exp(-t / 3000)) + 0.9 * np.sin(2 * np.pi * t / 1320)
-
-
-def test_a_thermometer_read_once_a_second_is_as_coarse_between_its_readings():
-    """They come with a line from one to the next; where it turned it was beyond its crossings."""
-    true, t = swings(7200), np.arange(0, 7199, 0.1)
-    told = np.interp(t, np.arange(7200.0), np.round(true))
-    true = np.interp(t, np.arange(7200.0), true)
-    curve, crossed = unrounded(told), np.flatnonzero(np.diff(np.round(told)))
-    assert step_of(told) == 1.0
-    some = (t > 1000) & (t < 6600)  # which no end is near
-    assert np.std((curve - true)[some]) < 0.85 * np.std((told - true)[some])
-    assert np.max(np.abs(np.diff(curve))) < 0.02 < np.max(np.abs(np.diff(told)))
-    assert np.max(np.abs(curve - told)[np.abs(told % 1) == 0]) <= 0.5
-    assert np.max(np.abs(curve[crossed] - true[crossed])) < 0.02
-    turn = np.argmax(np.where((t > 4000) & (t < 4800), true, 0))    # beyond 30.5 and back
-    assert 30.5 + 0.05 < curve[turn] < 31
-    noisy = told + 0.1 * np.random.default_rng(2).standard_normal(len(t))
-    assert step_of(noisy) == 0.0 and unrounded(noisy) is noisy
-
-
-def heated_by(seed, steps, seconds=7200, rate=2.0):
-    """Return a record of which the first axis bends with a temperature, 40 s behind it."""
-    rng = np.random.default_rng([seed, 12])
-    true, t = swings(seconds), np.arange(0, seconds - 1, 1 / rate)
-    a = np.exp(-1 / 40)
-    late = lfilter([1 - a], [1, -a], true, zi=[a * true[0]])[0] - 28
-    x = 1.4e-3 * rng.standard_normal((len(t), 3))
-    x[:, 0] += np.interp(t, np.arange(float(seconds)), 1.5e-3 * late + 4e-4 * late**2)
-    x += 2e-6 * np.cumsum(rng.standard_normal((len(t), 3)), axis=0)
-    read = np.interp(t, np.arange(float(seconds)), steps * np.round(true / steps))
-    return ImuRecord(x, None, t, rate, covariates={'temperature': read})
-
-
-def test_what_the_steps_of_a_thermometer_hide_is_no_course_of_its_own():
-    """The same course is one beside a thermometer that would have shown it."""
-    names = ('white', 'flicker', 'random_walk', 'temperature')
-    for steps, hidden in ((1.0, True), (0.05, False)):
-        e = gather(heated_by(0, steps), ['gyro_x'])['gyro_x']
-        model = NoiseProblem(e).point(model_of('noise', names)).model
-        assert model['temperature'].unread(e) == pytest.approx(0.0045 * steps, rel=0.4)
-        swing = find_effect('noise', 'slow_periodic')({
-            **find_effect('noise', 'slow_periodic').example().values,
-            'cosine': 8e-4, 'period': 1320.0})
-        assert bool(hidden_by_steps(e, model, swing)) == hidden
-        assert not hidden_by_steps(e, model, swing.with_values(cosine=8e-3))
-        assert not hidden_by_steps(e, model.minus('temperature'), swing)
-        assert not hidden_by_steps(e, model.minus('temperature'), model['temperature'])
-
-
-def test_to_record_the_temperature_is_asked_for_a_swing_where_it_is_not_there():
-    swing = find_effect('noise', 'slow_periodic').example()
-    e = gather(heated_by(1, 1.0, 600), ['gyro_x'])['gyro_x']
-    bare = replace(e, common=replace(e.common, slow={
-        k: v for k, v in e.common.slow.items() if k != 'temperature'}))
-    assert 'temperature' in swing.lacking(bare) and not swing.lacking(e)
-    assert 'temperature' not in swing.hint
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize('seed', range(3))
-def test_a_coarse_thermometer_leaves_no_swing_to_name(seed):
-    study = analyse_record(heated_by(seed, 1.0), axes=['gyro_x'], keep_motion=True)
-    said = study.diagnose()['gyro_x']
-    assert [f.name for f in said.found] == ['temperature'] and said.remaining is None

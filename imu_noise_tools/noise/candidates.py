@@ -266,8 +266,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _view_of(effect),
         where,
         against=bound or added.part_of(more.model)
-        or _of_rounding(evidence, fit.model, added)
-        or hidden_by_steps(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
+        or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
         or (is_none(evidence, more, label) if isinstance(effect, Coupling) else '')
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
@@ -321,17 +320,6 @@ def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     return '' if size > ROUNDED * moved else (
         f'it is {size / step:.2g} steps of the output, by which rounding moves a mean by '
         f'{moved / step:.2g}')
-
-
-def hidden_by_steps(evidence: Evidence, model: Model, effect: Effect) -> str:
-    """Say that a course moves a mean no further than what another follows may unseen."""
-    if not isinstance(effect, Mean) or effect.needs != NoiseEffect.needs:
-        return ''
-    size = float(np.ptp(effect.mean(evidence.slow_inputs)))
-    other = next((m for m in model.of(Mean) if m.unread(evidence) >= size), None)
-    return '' if other is None else (
-        f'it is {size / other.unread(evidence):.2g} of what {other.name} may move a mean by '
-        'between the steps in which that is read')
 
 
 def _penalty(effect: NoiseEffect) -> float:

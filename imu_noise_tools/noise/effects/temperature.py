@@ -9,8 +9,7 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
-from ..stairs import step_of
-from ..thermal import COURSE, moved, POWERS, powers, readings, TEMPERATURE
+from ..thermal import COURSE, moved, powers, readings, TEMPERATURE
 from ..views import slow_mean, slow_rest
 from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
@@ -69,30 +68,6 @@ class Temperature(Mean):
     )
     neutral = {'lag': 0.0, 'smoothing': 0.0}
     optional = ('curvature', 'cubed', 'course')
-    of_readings = True
-
-    @classmethod
-    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Return the step in which the temperature was read, degC: (1,), 0 where none is seen."""
-        read = inputs.covariates.get(TEMPERATURE)
-        return {} if read is None else {'step': np.array([step_of(np.asarray(read, float))])}
-
-    def unread(self, evidence: Evidence) -> float:
-        """
-        Return how far the mean may go with a temperature that reads the same.
-
-        That moves by a step within one. Beside a course that other axes tell as well it is not
-        the thermometer's steps that hide it.
-
-        """
-        step = float(evidence.statistics.get(self.name, {}).get('step', np.zeros(1))[0])
-        if not step or self.values.get('read'):
-            return 0.0
-        t = evidence.slow_inputs
-        u = moved(np.asarray(t.covariates[TEMPERATURE], float), t.t, self['lag'],
-                  self.values.get('smoothing', 0.0))
-        law = np.polynomial.Polynomial.fit(u, self.mean(t), POWERS)     # which it is, but for u
-        return step * float(np.max(np.abs(law.deriv()(u))))
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
