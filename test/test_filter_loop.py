@@ -23,6 +23,7 @@ from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.fitting import _climbed, NULL
 from imu_noise_tools.filter.held import held_samples
 from imu_noise_tools.filter.output_noise import NoiseLevel, SamplingJitter
+from imu_noise_tools.filter.placed import bridged, placed
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.loop.effect import Model, model_of
@@ -579,6 +580,56 @@ def test_the_noise_of_a_sample_is_all_that_noise_adds():
                              noise=('white', 'gauss_markov'))
     for f in done.as_dict()['axes'].values():
         assert f['sigma_after'] < f['sigma_before']
+
+
+@pytest.mark.parametrize('rate', [50.0, 333.0])
+@pytest.mark.parametrize('share, burst', [(1e-3, 1), (0.05, 1), (0.03, 7)])
+def test_samples_stay_in_their_places_beside_lost_ones(rate, share, burst):
+    """One lost sample in a thousand left a tenth of a record to be judged."""
+    rng, n = np.random.default_rng(6), 8000
+    lost = np.convolve(rng.random(n) < share / burst, np.ones(burst))[:n] > 0
+    lost[[0, -1]] = False
+    z = rng.standard_normal(n)
+    t = (np.arange(n) + 0.02 * rng.random(n)) / rate
+    keep = np.flatnonzero(~lost)
+    keep = np.insert(keep, 500, keep[500])                  # a message that came twice
+    keep[[700, 701]] = keep[[701, 700]]                     # two in the wrong order
+    found = placed(t[keep], z[keep], 'gyro_x')
+    assert np.array_equal(found.z, np.where(lost, np.nan, z), equal_nan=True)
+    assert found.dt == pytest.approx(1 / rate, rel=1e-4) and found.part == (0, len(keep))
+
+
+def test_a_pause_and_losses_that_stamps_do_not_show_are_not_bridged():
+    rng = np.random.default_rng(7)
+    t = np.append(np.arange(1000), 1300 + np.arange(2000)) / 100.0
+    assert placed(t, rng.standard_normal(3000), 'gyro_x').part == (1000, 3000)
+    keep = rng.random(6000) > 0.05
+    rough = np.maximum.accumulate(np.arange(6000) + 0.3 * abs(rng.standard_normal(6000)))
+    with pytest.raises(InputError, match='late'):
+        placed(rough[keep] / 100.0, rng.standard_normal(np.sum(keep)), 'gyro_x')
+
+
+def test_what_stands_for_missing_samples_is_as_strong_as_the_others():
+    rng, n = np.random.default_rng(8), 20000
+    z = 1.0 + 0.1 * rng.standard_normal(n)
+    gone = rng.random(n) < 0.1
+    filled = bridged(np.where(gone, np.nan, z), 0.01)
+    assert np.array_equal(filled[~gone], z[~gone])
+    assert np.mean(np.diff(filled) ** 2) == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('wrong', [False, True])
+def test_a_record_with_lost_samples_gets_the_verdict_of_the_whole(wrong):
+    rng = np.random.default_rng(9)
+    z = 0.01 * rng.standard_normal(6000)
+    z += wrong * (rng.random(6000) < 0.005) * 0.3 * rng.standard_normal(6000)
+    keep = rng.random(6000) > 0.02
+    problem = problem_of(np.flatnonzero(keep) / 100.0, z[keep], 'gyro_x', {'white': {'R': 1e-4}})
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    found = study.diagnose()['gyro_x']
+    assert [f.name for f in found.found] == ['outliers'] * wrong
+    assert found.verdict == ('missing' if wrong else 'complete')
 
 
 def test_lost_samples_all_over_a_record_are_said():

@@ -346,6 +346,29 @@ def test_chunks_of_a_record_at_rest_say_what_the_whole_says(more):
     assert chunks.densities([near, model])[0][1].sum() == pytest.approx(whole, abs=1.0)
 
 
+@pytest.mark.parametrize('bank', [False, True])
+def test_missing_samples_are_predicted_over(bank):
+    """The likelihood is that of what is there: a normal density of all, without what is not."""
+    rng, n, r = np.random.default_rng(3), 300, 1e-4
+    z = 0.01 * rng.standard_normal(n) + np.cumsum(1e-3 * rng.standard_normal(n))
+    z[[80, 100, 101, 102, 250]] = np.nan
+    model = ConstantRate() + ArIncrement({'phi': 0.0, 'q': 1e-6}) + White({'R': r})
+    if bank:        # of outliers that are none: through the same recursion as a mixture
+        model = model + Outliers({'fraction': 1e-5, 'factor': 4.0})
+    found = predict(model, z, 0.01)
+    k = np.arange(n)
+    cov = 1e-6 * (np.minimum.outer(k, k) + 1) + 1e2 + r * np.eye(n)
+    there = np.isfinite(z)
+
+    def density(some):
+        return stats.multivariate_normal(None, cov[np.ix_(some, some)]).logpdf(z[some])
+
+    settle = settle_of(n)
+    expected = density(k[there]) - density(k[:settle][there[:settle]])
+    assert found.log_likelihood == pytest.approx(expected, abs=0.1)
+    assert len(found.u) == n - settle and np.isfinite(found.u).all()
+
+
 def test_scores_of_a_true_mixture_are_standard_normal():
     rng = np.random.default_rng(7)
     n, r = 20000, WHITE['R']

@@ -8,6 +8,8 @@ A chunk begins with what a bank of the same structure knew there that came from 
 samples let it forget the values which that had. Begun with nothing, a bank wants a thousand
 samples at rest, and likelihoods would speak for whatever has less to learn.
 
+Where a sample is missing (NaN) a bank predicts on.
+
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .imm import Bank, Coefficients, log_density
+from .imm import Bank, Coefficients, Entries, log_density
 from .modes import modes_of
 from .statespace import FilterEffect, StateSpace
 from ..loop.effect import Model
@@ -26,6 +28,7 @@ LEAST = 128             # samples of a chunk
 LANES = 400             # chunks and models at once: what they need then stays in the cache
 FAR = 1024              # samples from which a chunk is begun with nothing, once
 NEAR = 64               # samples ahead of it from which it goes on with what was known there
+VAGUE = 1e30            # variance, {rate}^2, of a sample that says nothing
 
 
 def settle_of(n: int) -> int:
@@ -62,14 +65,16 @@ class Known:
 
 class Chunks:
     """
-    A series z (n,) at dt (s), and what is known where its chunks begin.
+    A series z (n,), NaN where missing, at dt (s), and what is known where its chunks begin.
 
     ``alpha`` is the fading memory of the banks.
 
     """
 
     def __init__(self, z: np.ndarray, dt: float, alpha: float = 1.0):
-        self.z, self.dt, self.alpha = z, dt, alpha
+        self.missing = np.isnan(z)
+        self.gaps = bool(self.missing.any())
+        self.z, self.dt, self.alpha = np.where(self.missing, 0.0, z), dt, alpha
         size = max(LEAST, -(-len(z) // CHUNKS))
         self.first = np.arange(0, len(z), size)
         self.stop = np.minimum(self.first + size, len(z))
@@ -83,7 +88,8 @@ class Chunks:
         """
         Return log-likelihoods of each sample by k models of one structure, and lists of scores.
 
-        (k, n - settle) each. There are scores of the samples off by each of ``at_off``. Of each
+        (k, n - settle) each: of a missing sample 0, and NaN. There are scores of the samples off
+        by each of ``at_off``. Of each
         chunk no more than ``share`` is passed, from its beginning; the rest is left at zero.
 
         """
@@ -161,8 +167,7 @@ class Chunks:
             bank.load(*(_with_memory(before, bank, spaces[0]) if joins else before).parts)
         known = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
         steps = int(np.max(end - begin))
-        z = np.repeat(self.z[np.minimum(begin + np.arange(steps)[:, None], len(self.z) - 1)], k,
-                      axis=1)
+        z, missing = self._samples(begin + np.arange(steps)[:, None], k)
         for step in range(steps):
             at = begin + step
             if step or before is not None:
@@ -172,7 +177,7 @@ class Chunks:
                 if before is not None and joins:
                     _forget(bank, spaces[0])
                 bank.restart(np.repeat(begin == 0, k))
-            bank.update(z[step], e)
+            bank.update(z[step], _by_what_is_there(e, missing[step]))
             if (at == end - 1).any():
                 known.take(bank, np.repeat(at == end - 1, k))
         if not joins:
@@ -181,6 +186,7 @@ class Chunks:
                 for i, space in enumerate(spaces)]
         return Known(*(np.stack(a, -1).reshape(*a[0].shape[:-1], -1) for a in zip(*each)))
 
+    @np.errstate(invalid='ignore')      # values far off may lose all digits: no likelihood then
     def _run(self, models, at_off, known, share=1.0):
         k = len(models)
         stop = np.minimum(self.stop, self.first + int(np.ceil(share * self.stop[0])))
@@ -189,28 +195,34 @@ class Chunks:
         begin = np.maximum(self.first - NEAR, 0)
         at = begin + np.arange(np.max(stop - begin))[:, None]
         live = (at >= self.first) & (at < stop)
-        z = np.repeat(self.z[np.minimum(at, len(self.z) - 1)], k, axis=1)
+        z, missing = self._samples(at, k)
         found = np.empty((1 + len(at_off), *z.shape))
         ends = np.equal(at, np.append(begin[1:], 0) - 1)
         ended = Known(*(np.zeros_like(a) for a in (bank.mu, bank.x, bank.cov)))
-        some, last = np.sum(live, axis=1) > 0, np.sum(ends, axis=1) > 0
+        last = np.sum(ends, axis=1) > 0
         for step in range(len(at)):
             bank.mix(e)
             bank.predict(e)
             if not step:
                 bank.restart(np.repeat(self.first < NEAR, k))   # there is nothing before
-            nu, s, found[0, step] = bank.update(z[step], e)
+            nu, s, found[0, step] = bank.update(z[step], _by_what_is_there(e, missing[step]))
             if last[step]:
                 ended.take(bank, np.repeat(ends[step], k), k)
-            if some[step]:
+            if live[step].any():
                 for u, off in zip(found[1:], at_off):
                     u[step] = bank.transform(nu + off, s, e)
         if share == 1.0:
             self._ended.setdefault(tuple(models[0].labels), {}).update(
                 (m, ended.of(i, k)) for i, m in enumerate(models))
-        found[0] = log_density(found[0])
+        found[0] = np.where(missing, 0.0, log_density(found[0]))
+        found[1:, missing] = np.nan
         each, *scores = self._in_order(found.reshape(*found.shape[:2], -1, k), at, live)
         return each, scores
+
+    def _samples(self, at, k):
+        """Return the samples at places, (steps, chunks), k times each, and which are missing."""
+        at = np.repeat(np.minimum(at, len(self.z) - 1), k, axis=1)
+        return self.z[at], self.missing[at]
 
     def _in_order(self, found, at, live):
         """Return (..., k, n - settle) of what was found, (..., steps, chunks, k), where live."""
@@ -234,6 +246,11 @@ class Chunks:
         stay = np.tile([m.stay for m in each], chunks)
         return (Bank(table, len(models) * chunks, prior),
                 replace(table.at(0).tiled(chunks), prior=prior, stay=stay))
+
+
+def _by_what_is_there(e: Entries, missing: np.ndarray) -> Entries:
+    """Return entries by which the samples that are missing, (lanes,), say nothing."""
+    return replace(e, r=np.where(missing, VAGUE, e.r)) if missing.any() else e
 
 
 def _with_memory(known: Known, bank: Bank, space: StateSpace) -> Known:

@@ -31,38 +31,47 @@ DOUBT = 10.0            # nats that a climb may gain beside three times what its
 
 
 class Likelihood:
-    """The log-likelihoods of models of one structure on one series z (n,) at dt (s)."""
+    """
+    The log-likelihoods of models of one structure on one series z (n,) at dt (s).
+
+    Of samples that are missing z is NaN: then no model has a steady state.
+
+    """
 
     def __init__(self, z: np.ndarray, dt: float, alpha: float, chunks: Chunks | None = None,
                  share: float = 1.0):
         self.z, self.dt, self.alpha, self.share = z, dt, alpha, share
         self.chunks = chunks or Chunks(z, dt, alpha)
-        self.samples, self.span = len(z), len(z) * dt
+        self.samples, self.span = int(np.sum(np.isfinite(z))), len(z) * dt
         self._known: dict[Model, float] = {}
 
     def __call__(self, models: Iterable[Model]) -> np.ndarray:
         """Return the log-likelihood of each."""
         models = list(models)
         new = [m for m in dict.fromkeys(models) if m not in self._known]
-        if new and jumps(new[0]):
+        if new and self.recurs(new[0]):
             self.each(new)
         else:
             self._known.update(
                 (m, predict(m, self.z, self.dt, self.alpha).log_likelihood) for m in new)
         return np.array([self._known[m] for m in models])
 
+    def recurs(self, model: Model) -> bool:
+        """Tell whether a model runs over this series as a bank, by chunks."""
+        return jumps(model) or self.chunks.gaps
+
     def each(self, models: list[Model]) -> np.ndarray:
-        """Return the log-likelihood sample by sample, (k, samples), of models that jump."""
+        """Return the log-likelihood sample by sample, (k, samples), of models by chunks."""
         found = self.chunks.densities(models, share=self.share)[0]
         self._known.update(zip(models, (finite(v) / self.share for v in found.sum(1))))
         return found
 
     def parts(self) -> Likelihood:
-        """Return what models that jump are likely to have, from parts of the series."""
+        """Return what models by chunks are likely to have, from parts of the series."""
         return Likelihood(self.z, self.dt, self.alpha, self.chunks, PARTS)
 
     def exactly(self, models: list[Model]) -> list[float]:
-        """Return the log-likelihood of each of models that jump, begun each with its own."""
+        """Return the log-likelihood of each of models by chunks, begun each with its own."""
         found = [finite(x) for x in self.chunks.passed(models)]
         self._known = dict(zip(models, found))
         return found
@@ -74,7 +83,7 @@ class Likelihood:
         ``last``: also of one that keeps a phase for long, which is then learnt anew.
 
         """
-        if jumps(model):
+        if self.recurs(model):
             self.chunks.begin(model, anew=last and oscillates(model))
             self._known.clear()
         return float(self([model])[0])
@@ -83,7 +92,7 @@ class Likelihood:
 class Free:
     """The free parameters of a model as a vector, in logarithms where they are searched for so."""
 
-    def __init__(self, model: Model, fixed: Any, dt: float):
+    def __init__(self, model: Model, fixed: Any, evaluate: Likelihood):
         self.model = model
         self.lines = {(e.label, e.line) for e in model.of(FilterEffect)}
         self.parts = [
@@ -91,10 +100,10 @@ class Free:
             for e in model.of(FilterEffect)
             if e.label not in fixed
             for p in e.parameters
-            if p.name not in e.measured and not _tried(model, e, p)
+            if p.name not in e.measured and not _tried(model, e, p, evaluate)
         ]
         effects = {e.label: e for e in model.of(FilterEffect)}
-        self.within = [effects[label].within(p, dt) for label, p in self.parts]
+        self.within = [effects[label].within(p, evaluate.dt) for label, p in self.parts]
 
     def vector(self) -> np.ndarray:
         """Return the model's own values."""
@@ -131,19 +140,19 @@ class Free:
         return np.log(max(value, 1e-300)) if p.log else value
 
 
-def _tried(model, effect, parameter) -> bool:
+def _tried(model, effect, parameter, evaluate) -> bool:
     """
     Tell whether a parameter is not climbed, but the best of some values.
 
-    So is for how long a phase is kept, of a model that jumps: chunks that begin with what another
+    So is for how long a phase is kept, of a model by chunks: they that begin with what another
     value knew there speak for that one's wide guess of the phase and a longer memory after it.
 
     """
-    return parameter.discrete or (parameter.name == effect.keeps and jumps(model))
+    return parameter.discrete or (parameter.name == effect.keeps and evaluate.recurs(model))
 
 
 def kept(model: Model, fixed: Any, evaluate: Likelihood) -> Model:
-    """Return a model that jumps with the best time its lines keep their phase, by half decades."""
+    """Return a model by chunks with the best time its lines keep their phase, by half decades."""
     for effect in model.of(FilterEffect):
         if not effect.keeps or effect.label in fixed:
             continue
@@ -205,7 +214,7 @@ def start(
             held.append(guesses[best])
     by_label = {e.label: e for e in held}
     begin = Model(by_label[e.label] for e in model)
-    if known is None or not jumps(model):
+    if known is None or not evaluate.recurs(model):
         return begin
     both = [begin, begin.with_values({e.label: e.values for e in known})]
     return both[int(np.argmax(evaluate(both)))]
@@ -227,11 +236,11 @@ def maximise(
     than ``enough`` is at the top.
 
     """
-    free = Free(model, fixed, evaluate.dt)
+    free = Free(model, fixed, evaluate)
     x = free.vector()
     if not len(x):
         return model, float(evaluate([model])[0])
-    if jumps(model):
+    if evaluate.recurs(model):
         x, best = _climb(free, x, evaluate, hope, enough)
         return free.at(x), best
     simplex = np.vstack([x, x + np.diag(free.scale(evaluate.span))])
@@ -341,7 +350,7 @@ def estimates(
     amplitude that can be zero is None, with its upper limit. What was stated is marked as fixed.
 
     """
-    free = Free(model, fixed, evaluate.dt)
+    free = Free(model, fixed, evaluate)
     out = {
         e.label: {
             p.name: Estimate(
@@ -377,7 +386,7 @@ def estimates(
         out.setdefault(label, {})[p.name] = entry
     for e in model.of(FilterEffect):
         for p in e.parameters:
-            if e.label not in fixed and _tried(model, e, p):
+            if e.label not in fixed and _tried(model, e, p, evaluate):
                 out.setdefault(e.label, {})[p.name] = Estimate(
                     e[p.name], None, None, si(p.unit, sensor), point=e[p.name],
                     note='the best of the values tried')

@@ -60,9 +60,10 @@ class Oscillation(FilterEffect):
         By least squares beside a mean: a projection leaks where the periods are few and not whole.
 
         """
-        angle = 2 * np.pi * self['frequency'] * np.arange(len(z)) * dt
-        waves = np.stack([np.cos(angle), np.sin(angle), np.ones(len(z))], axis=1)
-        amplitude = float(np.hypot(*np.linalg.lstsq(waves, z, rcond=None)[0][:2]))
+        seen = np.flatnonzero(np.isfinite(z))
+        angle = 2 * np.pi * self['frequency'] * seen * dt
+        waves = np.stack([np.cos(angle), np.sin(angle), np.ones(len(seen))], axis=1)
+        amplitude = float(np.hypot(*np.linalg.lstsq(waves, z[seen], rcond=None)[0][:2]))
         tc = self.parameter('tc')
         longer = np.clip(self['tc'] * (amplitude / self['amplitude']) ** 2, tc.lower, tc.upper)
         return self.with_values(amplitude=amplitude, tc=float(longer))

@@ -27,7 +27,8 @@ class Prediction:
     Log-likelihood of the samples after the first ``settle``, and the scores of those.
 
     ``u`` (n - settle,); ``smooth`` alike, of samples as they may have been before they were
-    rounded: rounding makes a comb of the distribution of ``u``, and no model is to blame.
+    rounded: rounding makes a comb of the distribution of ``u``, and no model is to blame. Where a
+    sample is missing both hold a number drawn by chance, which keeps the others in their time.
 
     """
 
@@ -78,7 +79,9 @@ def predict(
     chunks: Chunks | None = None
 ) -> Prediction:
     """
-    Return the prediction of z (n,), an output in steps of ``step``, by one model.
+    Return the prediction of z (n,), NaN where missing, by one model.
+
+    It is an output in steps of ``step``.
 
     ``chunks`` of z, where what is known of them can be of use again.
 
@@ -87,10 +90,13 @@ def predict(
     """
     settle = settle_of(len(z))
     ends = (-0.5 * step, 0.5 * step) if step else ()
-    if jumps(model):
+    if jumps(model) or np.isnan(z).any():
         each, scores = (chunks or Chunks(z, dt, alpha)).densities([model], (0.0, *ends))
         u, *sides = (x[0] for x in scores)
-        return Prediction(finite(float(np.sum(each))), u, within_step(*sides) if step else u)
+        drawn = np.random.default_rng(len(u)).standard_normal(len(u))
+        u, smooth = (np.where(np.isnan(x), drawn, x)
+                     for x in (u, within_step(*sides) if step else u))
+        return Prediction(finite(float(np.sum(each))), u, smooth)
     space = state_space(model, dt)
     steady = kalman.steady_state(space, alpha)
     start = float(np.mean(z[:32]))

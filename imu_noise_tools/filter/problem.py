@@ -16,14 +16,13 @@ from .chunks import Chunks
 from .design import quiet_variance
 from .evaluate import omnibus, score_of
 from .fitting import estimates, kept, Likelihood, maximise, NULL, start
-from .held import REMEDY
+from .placed import bridged, LEAST, placed
 from .predict import predict, Prediction
 from .rival import Beside
 from .statespace import (
-    DOMAIN, FilterEffect, jumps, Look, Motion, oscillates, OutputNoise, white_of
+    DOMAIN, FilterEffect, Look, Motion, oscillates, OutputNoise, white_of
 )
 from .still import is_as_strong, is_coloured, outlasts_motion
-from ..core.clock import median_rate
 from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..core.statistics import grid_step
@@ -33,11 +32,10 @@ from ..loop.findings import failures
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
-LEAST = 400             # samples that are judged
-LONGEST = 16384         # samples of each half that are looked at
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
 BEHIND = 12.0  # nats behind the best from which a candidate has no chance beside it (1 in 10^5)
+MOST_OF = 0.9           # of the samples: where fewer are judged, a verdict says so
 AT = 1e-3               # of a bound, from which a value lies there
 AS_MOTION = ('a motion that goes on all the time does the same: a record with rests in it would '
              'tell; if it was taken at rest, add it by hand')
@@ -53,7 +51,7 @@ def covers(model: Model) -> bool:
 
 class FilterProblem(Problem):
     """
-    One axis: a series z (n,), evenly spaced by dt (s).
+    One axis: a series z (n,), evenly spaced by dt (s), NaN where a sample is missing.
 
     ``stated`` holds the values of effects (by label) that are given rather than fitted: the model
     whose innovations are judged. The first half is fitted, the second scored.
@@ -73,25 +71,36 @@ class FilterProblem(Problem):
         whole: FilterProblem | None = None,
     ):
         self.z, self.dt, self.alpha = np.asarray(z, float), float(dt), float(alpha)
-        self.step: float = whole.step if whole else grid_step(self.z)[0]
+        self.step: float = whole.step if whole else grid_step(self.seen)[0]
         self._target = target
         self.stated = {k: dict(v) for k, v in (stated or {}).items()}
         self.whole = whole
         self.part = (0, len(self.z))
+        self.share = 1.0        # of the samples of the record that are judged
         self._fits: dict[Model, Fit] = {}
         self._seen: dict[Model, Prediction] = {}
         self.chunks = Chunks(self.z, self.dt, self.alpha)
-        if len(self.z) < LEAST and whole is None:
+        if len(self.seen) < LEAST and whole is None:
             raise InputError(
-                f'{len(self.z)} samples are too few to judge a filter', f'give at least {LEAST}'
+                f'{len(self.seen)} samples are too few to judge a filter', f'give at least {LEAST}'
             )
-        if np.ptp(self.z) == 0 and whole is None:
+        if np.ptp(self.seen) == 0 and whole is None:
             raise InputError(f'{target} is constant', 'leave it out')
 
     @property
     def target(self) -> str:
         """Name of the axis."""
         return self._target
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """The samples that are there."""
+        return self.z[np.isfinite(self.z)]
+
+    @cached_property
+    def bridged(self) -> np.ndarray:
+        """The series with something for the samples that are missing: for a look."""
+        return bridged(self.z, float(quiet_variance(self.seen[:, None])[0]))
 
     @cached_property
     def halves(self) -> tuple[FilterProblem, FilterProblem]:
@@ -128,7 +137,7 @@ class FilterProblem(Problem):
         begin, evaluate = begun or self._begun(model)
         if begin is None:
             return Fit(model, {}, -np.inf, ('one of its effects does not apply to these data',))
-        if jumps(begin) and oscillates(begin):
+        if evaluate.recurs(begin) and oscillates(begin):
             log_l = float(evaluate([begin])[0])
             if log_l + SLACK < hope:
                 return Fit(begin, {}, log_l, ())
@@ -186,7 +195,7 @@ class FilterProblem(Problem):
 
         """
         begun = []
-        n = len(self.z)
+        n = len(self.seen)
         known = cast(dict[str, type[FilterEffect]], registry(DOMAIN))
         for name, effect in known.items():
             if self._applies(effect, fit.model):
@@ -263,7 +272,7 @@ class FilterProblem(Problem):
             return ''
         if is_coloured(effect) and not outlasts_motion(self.z, self.dt, model, label):
             return AS_MOTION
-        if effect.scales and not is_as_strong(self.z, model, label):
+        if effect.scales and not is_as_strong(self.bridged, model, label):
             return TOO_SLOW
         return self._at_bound(fit, effect) if isinstance(effect, OutputNoise) else ''
 
@@ -301,7 +310,9 @@ class FilterProblem(Problem):
         if verdict == 'missing':
             return f'add {ranked[0].name}: {registry(DOMAIN)[ranked[0].name].hint}'
         if verdict == 'complete':
-            return 'the innovations speak for no effect that is missing'
+            said = 'the innovations speak for no effect that is missing'
+            return said if self.share > MOST_OF else \
+                f'{said}, but {self.share:.0%} of the samples were judged'
         if verdict == 'unknown':
             return 'something fails that no known effect explains: ' + '; '.join(
                 f.evidence for f in failed[:2]
@@ -314,11 +325,12 @@ class FilterProblem(Problem):
     @cached_property
     def look(self) -> Look:
         """A first look at the series, for starting values."""
-        r = float(quiet_variance(self.z[:, None])[0])
-        rough = self.z - np.mean(self.z)
-        white = np.diff(self.z, 3) / np.sqrt(20 * r)
+        z = self.bridged
+        r = float(quiet_variance(z[:, None])[0])
+        rough = z - np.mean(z)
+        white = np.diff(z, 3) / np.sqrt(20 * r)
         tails = bool(np.max(np.abs(white)) > np.sqrt(2 * np.log(len(white))) + 1.5)
-        return Look(self.z, white, self.dt, r, _lines(rough, self.dt), tails)
+        return Look(z, white, self.dt, r, _lines(rough, self.dt), tails)
 
 
 def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:
@@ -371,39 +383,16 @@ def problem_of(
     held: np.ndarray | None = None
 ) -> FilterProblem:
     """
-    Return the problem of one axis of a record.
+    Return the problem of one axis of a record: what :func:`placed` takes of it.
 
-    Its longest stretch without a gap, at most the first 2 x 16384 samples of that: ``part`` says
-    which samples of the record. What :mod:`~imu_noise_tools.filter.held` found, (n,), is left out:
-    those are no samples of this sensor.
+    ``part`` says from which sample of the record to which that goes. What
+    :mod:`~imu_noise_tools.filter.held` found, (n,), is left out.
 
     """
-    good = np.isfinite(z) & np.isfinite(t)
-    share = 0.0
-    if held is not None:
-        share = float(np.mean(held[good]))
-        good &= ~held
-    t, z = np.asarray(t, float)[good], np.asarray(z, float)[good]
-    dt = np.diff(t)
-    rate_hz = median_rate(t)
-    if rate_hz is None:
-        raise InputError(
-            'the stamps never advance', 'state the rate and give stamps, or use the receive times'
-        )
-    cut = np.concatenate([[0], np.flatnonzero((dt <= 0) | (dt * rate_hz > 1.9)) + 1, [len(t)]])
-    longest = int(np.argmax(np.diff(cut)))
-    first, last = int(cut[longest]), int(min(cut[longest + 1], cut[longest] + 2 * LONGEST))
-    if share and last - first < LEAST:
-        raise InputError(f'{target}: {share:.0%} of the samples repeat the one before', REMEDY)
-    if last - first < LEAST <= len(z):
-        raise InputError(
-            f'the stamps are even for {last - first} of {len(z)} samples in a row at most, '
-            f'{LEAST} are needed to judge the filter (a sample is lost, or late, in '
-            f'{len(cut) - 2} places; the median rate, {rate_hz:.4g} Hz, is as doubtful)',
-            'record fewer topics, to a faster disk, with a larger queue, and stamps of the sensor')
-    problem = FilterProblem(z[first:last], 1 / rate_hz, target, stated, alpha)
-    where = np.append(np.flatnonzero(good), len(good))
-    problem.part = int(where[first]), int(where[last])
+    series = placed(t, z, target, held)
+    problem = FilterProblem(series.z, series.dt, target, stated, alpha)
+    problem.part = series.part
+    problem.share = len(problem.seen) / len(t)
     return problem
 
 
@@ -417,8 +406,9 @@ def problems(arrays: Mapping[str, Any]) -> dict[str, FilterProblem]:
             entry = stated.setdefault(label, {})
             if name:
                 entry[name] = float(value)
-        dt, alpha = arrays[f'{target}.settings']
+        dt, alpha, *share = arrays[f'{target}.settings'].tolist()
         out[target] = FilterProblem(arrays[f'{target}.z'], dt, target, stated, alpha)
+        out[target].share = share[0] if share else 1.0      # studies of before have none
     return out
 
 
@@ -432,7 +422,7 @@ def arrays_of(found: Mapping[str, FilterProblem]) -> dict[str, np.ndarray]:
             for k, v in (values or {'': 0.0}).items()
         ]
         out[f'{target}.z'] = p.z
-        out[f'{target}.settings'] = np.array([p.dt, p.alpha])
+        out[f'{target}.settings'] = np.array([p.dt, p.alpha, p.share])
         out[f'{target}.stated_names'] = np.array([k for k, _ in pairs], dtype=str)
         out[f'{target}.stated_values'] = np.array([v for _, v in pairs], dtype=float)
     return out

@@ -192,7 +192,7 @@ class FilterEffect(Effect):
         return self.with_values(**{**least, **self.idle})
 
     def read(self, z: np.ndarray, dt: float) -> Effect:
-        """Return it with the values that come from the samples z (n,) at dt (s)."""
+        """Return it with the values that come from samples z (n,), NaN if missing, at dt (s)."""
         return self
 
     def block(self, dt: float) -> Block:

@@ -50,7 +50,7 @@ def outlasts_motion(z: np.ndarray, dt: float, model: Model, label: str) -> bool:
     Parameters
     ----------
     z : ndarray (n,)
-        Rate as measured.
+        Rate as measured, NaN where it is missing.
     dt : float
         Interval, s.
     model : Model
@@ -65,7 +65,11 @@ def outlasts_motion(z: np.ndarray, dt: float, model: Model, label: str) -> bool:
     count = len(square) // (LONG * lag)
     if count < FEWEST:
         return False
-    mean = square[:count * LONG * lag].reshape(count, LONG * lag).mean(axis=1) / change
+    square = square[:count * LONG * lag].reshape(count, LONG * lag)
+    seen = np.isfinite(square).mean(axis=1) > 0.5
+    if np.count_nonzero(seen) < FEWEST:
+        return False
+    mean = np.nanmean(square[seen], axis=1) / change
     least, still, most = np.quantile(mean, [FEW / 3, FEW, 1 - FEW])
     return bool(least > LEAST and still < STILL and most > MOVING)
 

@@ -119,7 +119,7 @@ def _seen(problem: FilterProblem, model: Model) -> Prediction:
 
 def _spectrum(problem: FilterProblem, model: Model) -> Panel:
     """Return what was measured, what the model says of it, and the pulls of the innovations."""
-    z, dt = problem.z, problem.dt
+    z, dt = problem.bridged, problem.dt
     bins = bins_of(len(z), dt)
     some = bins.f > 0
     f, count = bins.f[some], bins.count[some]

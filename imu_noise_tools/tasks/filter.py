@@ -295,7 +295,8 @@ def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Stud
         if last - first < record.n:
             axes = ', '.join(a for a, part in parts.items() if part == (first, last))
             notes.append(f'{axes}: judged by samples {first} to {last - 1} of {record.n}, the'
-                         ' longest stretch of even stamps or its beginning')
+                         ' longest stretch without a pause (or, of many losses, without one), or'
+                         ' its beginning')
     model = model_of(DOMAIN, [*names, *(e.name for e in chosen.noise[0])])
     source = {
         'path': record.path,
