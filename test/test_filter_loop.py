@@ -22,7 +22,7 @@ from imu_noise_tools.filter import problem as filter_problem
 from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.fitting import _climbed, NULL
 from imu_noise_tools.filter.held import held_samples
-from imu_noise_tools.filter.output_noise import NoiseLevel, SamplingJitter
+from imu_noise_tools.filter.output_noise import NoiseLevel, Outliers, SamplingJitter
 from imu_noise_tools.filter.placed import bridged, placed
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
@@ -630,6 +630,44 @@ def test_a_record_with_lost_samples_gets_the_verdict_of_the_whole(wrong):
     found = study.diagnose()['gyro_x']
     assert [f.name for f in found.found] == ['outliers'] * wrong
     assert found.verdict == ('missing' if wrong else 'complete')
+
+
+def test_samples_at_the_end_of_the_range_are_not_judged():
+    rng, t = np.random.default_rng(10), np.arange(6000) / 200
+    true = 2.0 * np.sin(2 * np.pi * 0.2 * t) + 0.01 * rng.standard_normal(6000)
+    z = np.clip(true, -1.5, 1.5)
+    found = placed(t, z, 'gyro_x')
+    gone = np.isnan(found.z)
+    assert gone[np.abs(true) >= 1.5].all() and np.array_equal(found.z[~gone], true[~gone])
+    assert not gone[np.abs(true) < 0.8].any()
+    assert not np.isnan(placed(t, true, 'gyro_x').z).any()
+
+
+@pytest.mark.parametrize('size', [30.0, 300.0])
+def test_outliers_of_a_record_tell_their_size(size):
+    """By typical values spikes of 70 sigma came out as they went in."""
+    rng, n = np.random.default_rng(11), 3000
+    noise = 0.01 * rng.standard_normal((n, 1))
+    spikes = (rng.random((n, 1)) < 0.004) * size * 0.01
+    done = filter_record(np.arange(n) / 100, noise + spikes,
+                         design(noise=('white', 'outliers'), axes=1))
+    told = done.design.noise[0]['outliers']
+    assert told['factor'] == pytest.approx(size ** 2, rel=0.3)
+    assert told['fraction'] == pytest.approx(np.mean(spikes > 0), rel=0.3)
+    assert np.max(np.abs(done.rate[spikes > 0])) < 0.1 * size * 0.01
+    given = design(noise=('white', 'outliers'), axes=1, values={
+        'outliers': {'fraction': 0.01, 'factor': 100.0}})
+    assert filter_record(np.arange(n) / 100, noise + spikes, given).design.noise[0][
+        'outliers']['factor'] == 100.0
+
+
+def test_a_blow_is_no_outlier():
+    t = np.arange(2000) / 200
+    z = 0.01 * np.random.default_rng(12).standard_normal(2000)
+    for k in range(100, 1900, 60):
+        z[k:k + 40] += 2 * np.exp(-t[:40] / 0.02) * np.sin(2 * np.pi * 15 * t[:40])
+    told = Outliers.example().told(z, 1e-4)
+    assert told.values == Outliers.example().values
 
 
 def test_lost_samples_all_over_a_record_are_said():

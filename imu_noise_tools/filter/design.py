@@ -11,7 +11,7 @@ Motion, noise, memory.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -36,7 +36,8 @@ class Design:
     A filter for some axes.
 
     ``noise`` and ``motion`` hold a model for each axis; ``motion`` None is the default bank.
-    ``unknown_r``: no R was given, it is read from the samples. ``alpha`` is the fading memory.
+    ``unknown_r``: no R was given, it is read from the samples. ``unread`` are the labels of what
+    else has no values given: typical ones, or of a record its own. ``alpha`` is the fading memory.
 
     """
 
@@ -44,6 +45,7 @@ class Design:
     noise: tuple[Model, ...]
     alpha: float = 1.0
     unknown_r: bool = False
+    unread: tuple[str, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -72,7 +74,20 @@ class Design:
             tuple(m.with_values({w.label: {w.variance: float(v)}})
                   for m, w, v in zip(self.noise, map(white, self.noise), r)),
             self.alpha,
+            unread=self.unread,
         )
+
+    def with_read(self, z: np.ndarray) -> Design:
+        """Return the design with what the samples z (n, axes) of a record tell of its noise."""
+        if not self.unread:
+            return self
+        noise = []
+        for model, r, x in zip(self.noise, self.r, z.T):
+            for e in model.of(FilterEffect):
+                if e.label in self.unread:
+                    model = model.with_effect(e.told(x, float(r)))
+            noise.append(model)
+        return replace(self, noise=tuple(noise))
 
     def models(self) -> list[Model]:
         """Return motion and noise of each axis as one model; the default bank has none."""
@@ -113,7 +128,7 @@ def design(
     alpha : float
         Fading memory, 0 < alpha <= 1.
     values : mapping of label to mapping of parameter to value, or one for each axis
-        In SI; what is not given is typical.
+        In SI; what is not given is typical, or told by a record (:meth:`Design.with_read`).
     axes : int
         How many there are.
 
@@ -142,8 +157,11 @@ def design(
     noises = [m if white_of(m) else m + White() for m in noises]
     unknown = any(not w.fitted and not v.get(w.label)
                   for w, v in zip(map(white, noises), values))
+    unread = {e.label for m, v in zip(noises, values) for e in m.of(FilterEffect)
+              if not e.fitted and not v.get(e.label)}
     made = Design(
-        moving, tuple(_valued(m, v) for m, v in zip(noises, values)), float(alpha), unknown
+        moving, tuple(_valued(m, v) for m, v in zip(noises, values)), float(alpha), unknown,
+        tuple(sorted(unread)),
     )
     if moving is not None:
         state_space(made.models()[0], 0.01)          # refuse here what cannot be built

@@ -25,6 +25,9 @@ from ..noise.kinds import Line, Spectrum
 STEADY = 1e3            # s that a line keeps its phase where nobody says how long
 SMALLEST = 1e-8         # rad/s: the least a Gauss-Markov term may be
 LONGEST = 3600.0        # s: a slower wander of the bias cannot be told from rotation
+ALONE = 3.0             # times what its neighbours differ by is a sample off that stands alone,
+FAR_OFF = 6.0           # and so many sigma: by chance one in 10^9 and fewer
+FEWEST = 3              # of such, from which their size is told
 ANY_MOMENT = 12 ** -0.5     # of the interval: how far off samples are that are taken at any
 
 
@@ -221,6 +224,27 @@ class Outliers(OutputNoise):
             for p in (1e-3, 0.01, 0.05)
             for c in (10.0, 100.0, 1e3, 1e4)
         ]
+
+    def told(self, z: np.ndarray, r: float) -> Effect:
+        """
+        Return it with the share and the size of single samples that stand out of the four around.
+
+        By three times what those differ by: a blow lasts, and they differ by more. The typical
+        outlier is ten times the noise, and one far beyond is a blow then; were it larger for all
+        records, blows would be taken away.
+
+        """
+        if len(z) < 5:
+            return self
+        around = np.stack([z[:-4], z[1:-3], z[3:-1], z[4:]])
+        off = np.abs(z[2:-2] - np.mean(around, axis=0))
+        size = off[off > ALONE * np.ptp(around, axis=0) + FAR_OFF * np.sqrt(r)]
+        if len(size) < FEWEST:
+            return self
+        known = {'fraction': len(size) / len(z), 'factor': float(np.mean(size ** 2)) / r}
+        return self.with_values(**{
+            p.name: float(np.clip(max(known[p.name], 0.1 * self[p.name]), p.lower, p.upper))
+            for p in self.parameters})
 
     def block(self, dt: float) -> Block:
         """Return the mixture."""

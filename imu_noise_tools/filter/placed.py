@@ -13,16 +13,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from .held import REMEDY
 from .stamps import Clock
 from ..core.clock import fit_clock, median_rate
+from ..core.disturbed import saturated
 from ..core.errors import InputError
 
 LEAST = 400             # samples that are judged
 LONGEST = 2 * 16384     # of which are looked at
 MOST = 0.075            # of them may be lost; more are no accident, and then stamps are doubtful
 DELAYED = 0.01          # may come late; more are losses that such stamps do not show
+BESIDE = 0.2            # s on either side of a sample at the end of the range: left out, too
 LATE = 1.9              # intervals from which on a sample is lost, or late
 
 
@@ -46,7 +49,7 @@ def placed(
     Return the longest stretch of a record that no pause interrupts, or its beginning.
 
     A pause is what a filter begins again after. Where more than a few of its samples are lost, it
-    is the longest stretch without any loss.
+    is the longest stretch without any loss. Samples at the end of the range are missing, too.
 
     Parameters
     ----------
@@ -95,8 +98,21 @@ def placed(
     place = place[:np.searchsorted(place, LONGEST)]
     out = np.full(place[-1] + 1, np.nan)
     out[place] = z[some][:len(place)]
+    out[_beyond_range(out, period)] = np.nan
     judged = where[some][:len(place)]
     return Placed(out, period, (int(judged.min()), int(judged.max()) + 1))
+
+
+def _beyond_range(z: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return which of z (n,), NaN where missing, stand at an end of the range, or near one that does.
+
+    While a motion stays near the end, noise is cut off on one side, also where no sample is.
+
+    """
+    at_end = saturated(z)
+    beside = max(1, round(BESIDE / dt))
+    return binary_dilation(at_end, iterations=beside) if at_end.any() else at_end
 
 
 def _in_order(t: np.ndarray, where: np.ndarray, z: np.ndarray) -> np.ndarray:

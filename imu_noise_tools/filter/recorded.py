@@ -104,6 +104,7 @@ def filter_record(
     clock = Clock.of(rate_hz)
     if design.unknown_r:
         design = design.with_r(quiet_variance(kept))
+    design = design.with_read(kept)
     keys = np.concatenate([[RESTART], clock.keys(np.diff(kept_t))])
     twice = np.concatenate(
         [[False], (keys[1:] == DUPLICATE) & (kept[1:] == kept[:-1]).all(axis=1)]

@@ -195,6 +195,10 @@ class FilterEffect(Effect):
         """Return it with the values that come from samples z (n,), NaN if missing, at dt (s)."""
         return self
 
+    def told(self, z: np.ndarray, r: float) -> Effect:
+        """Return it with what z (n,), of white noise of variance r, tells without a model."""
+        return self
+
     def block(self, dt: float) -> Block:
         """Return (Phi, Q, H, R) over one interval dt, s."""
         raise NotImplementedError
