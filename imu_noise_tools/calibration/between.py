@@ -26,7 +26,7 @@ import numpy as np
 from .correction import Correction
 from .poses import joined, Poses, unit
 from .positions import grid_steps, hidden, means_of, Rest, scatter_errors, temperatures
-from ..core.clipped import saturated
+from ..core.clipped import stays
 from ..core.errors import InputError
 from ..core.record import ImuRecord
 
@@ -142,7 +142,7 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
     noise = _off(record, force, found, near) / gravity
     least = hidden(gyro, found)
     white = _density(gyro, found, record, least)
-    clipped = np.any([saturated(x) for x in gyro.T], axis=0)
+    clipped = np.any([stays(x) for x in gyro.T], axis=0)
     parts: dict[str, list] = {k: [] for k in _SAMPLES}
     kept: list[tuple[int, float]] = []
     for k, (a, b) in enumerate(zip(found[:-1], found[1:])):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
-from ..core.clipped import saturated
+from ..core.clipped import stays
 from ..core.disturbed import calm
 from ..core.errors import InputError
 from ..core.record import ImuRecord
@@ -347,7 +347,7 @@ def _refuse_saturated(record, found, names) -> None:
     for k, axis in enumerate('xyz'):
         step, _ = grid_step(accel[:, k])
         sigma = np.median([accel[r.samples(), k].std() for r in found])
-        at_end = saturated(accel[:, k])
+        at_end = stays(accel[:, k])
         if step > 2 * sigma or not at_end.any():
             continue                    # a level that is held is no end of the range
         for r, name in zip(found, names):

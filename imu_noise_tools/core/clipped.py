@@ -31,14 +31,12 @@ LUMP = 3.0              # times the level next to it, where they come in a row
 IN_A_ROW = 0.2          # share of them that follow another
 
 
-def saturated(x: np.ndarray) -> np.ndarray:
-    """Return which samples stand at an end of the range as noise does not, (n,) bool."""
-    return _at(x, ends_of_range(x))
-
-
 def stays(x: np.ndarray) -> np.ndarray:
     """Return which samples stand at an end where x (n,) stays in a row, (n,) bool."""
-    return _at(x, _ends(x, _stays))
+    found = np.zeros(len(x), bool)
+    for end in _ends(x, _stays):
+        found |= x == end
+    return found
 
 
 def ends_of_range(x: np.ndarray) -> tuple[float, ...]:
@@ -87,13 +85,6 @@ def narrowed(shares: Sequence[float]) -> float:
         mean -= sign * (density - u * p)
         square -= u * density + p - u * u * p
     return float(np.sqrt(max(square - mean**2, 0.0)))
-
-
-def _at(x: np.ndarray, ends: tuple[float, ...]) -> np.ndarray:
-    found = np.zeros(len(x), bool)
-    for end in ends:
-        found |= x == end
-    return found
 
 
 def _ends(x: np.ndarray, clipped: Callable[..., bool]) -> tuple[float, ...]:

@@ -17,8 +17,8 @@ from scipy.ndimage import binary_dilation
 
 from .held import REMEDY
 from .stamps import Clock
+from ..core.clipped import stays
 from ..core.clock import fit_clock, median_rate
-from ..core.disturbed import saturated
 from ..core.errors import InputError
 
 LEAST = 400             # samples that are judged
@@ -110,7 +110,7 @@ def _beyond_range(z: np.ndarray, dt: float) -> np.ndarray:
     While a motion stays near the end, noise is cut off on one side, also where no sample is.
 
     """
-    at_end = saturated(z)
+    at_end = stays(z)
     beside = max(1, round(BESIDE / dt))
     return binary_dilation(at_end, iterations=beside) if at_end.any() else at_end
 

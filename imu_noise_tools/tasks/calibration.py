@@ -17,7 +17,7 @@ from .noise import default_folder
 from .. import calibration as core
 from .. import report, store
 from ..core import files
-from ..core.clipped import saturated
+from ..core.clipped import stays
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG
@@ -171,7 +171,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
 
 def _clipped_turns(records) -> list[str]:
     """Say which gyroscope axes stand at the end of their range: such turns are left out."""
-    counts = {f'gyro_{axis}': sum(int(saturated(r.gyro[:, k]).sum()) for r in records
+    counts = {f'gyro_{axis}': sum(int(stays(r.gyro[:, k]).sum()) for r in records
                                   if r.gyro is not None) for k, axis in enumerate('xyz')}
     return [f'{name} is saturated in {n} samples: turns with it are left out; turn more slowly'
             for name, n in counts.items() if n]
