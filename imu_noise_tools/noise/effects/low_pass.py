@@ -23,12 +23,13 @@ FORMS = (
     POLE, 'butterworth_2', 'butterworth_2_analogue', 'moving_average', 'two_averages',
     'butterworth_2_sampled', *DECIMATED, *AVERAGED
 )
-FOLDED = ('butterworth_2_sampled', *DECIMATED)
+FOLDED = ('butterworth_2_sampled', *DECIMATED, PAIR_AVERAGED)
 # shares to start from: for one that is missed a form with a floor of its own makes up
 BEHIND = (0.0, *np.geomspace(1e-4, 1.6e-2, 12))
 SHARES = (0.3, 0.7)  # of an average, too
 BESIDE = np.array([-0.2, -0.1, 0.0, 0.1, 0.2])    # of which
 LEAST = 1e-4  # of which: beside a pole less of it is lost in rounding
+SHORTEST = 0.1  # share of an average beside a pair
 ROUNDED = 1e-15  # of the gain in the band, which is told no better
 FINER, NEARER = np.geomspace(0.9, 1.1, 11), np.geomspace(0.8, 1.25, 5)
 WINDOW = 0.443  # -3 dB frequency of an average times its length
@@ -87,6 +88,7 @@ class LowPass(Response):
         falls = np.geomspace(0.02, 1.6, 40) * 0.5 / evidence.dt
         lengths = np.concatenate([np.arange(1.05, 4, 0.05), np.arange(4, 65)]) * evidence.dt
         tried = dict.fromkeys(FORMS, falls)
+        tried[PAIR_AVERAGED] = falls[falls * evidence.dt < 0.5]
         tried['moving_average'] = WINDOW / lengths
         tried['two_averages'] = CASCADE / lengths  # shorter ones look like one average
         out: list[tuple[float, Effect]] = []
@@ -94,9 +96,10 @@ class LowPass(Response):
             behind = (0.0,) if form in AVERAGED else BEHIND
             averaged = SHARES if form in AVERAGED else (0.0,)
             best, second = self._smoothest(evidence, form, tried[form], averaged, behind)
-            if tried[form] is falls:    # forms differ by less than one step of either does
+            if form not in _LENGTH:     # forms differ by less than one step of either does
                 e = best[1]
-                shares = e['averaged'] + BESIDE if form in AVERAGED else averaged
+                shares = np.clip(e['averaged'] + BESIDE, SHORTEST, 1.0) \
+                    if form in AVERAGED else averaged
                 best = self._smoothest(evidence, form, e['cutoff'] * FINER, shares,
                                        e['behind'] * NEARER)[0]
             out += [best, second]
@@ -133,6 +136,8 @@ class LowPass(Response):
             if form in FOLDED:
                 out['cutoff'] = (1 / evidence.duration, 0.5 / evidence.dt)
             out['behind' if form in AVERAGED else 'averaged'] = (0.0, 0.0)
+            if form == PAIR_AVERAGED:   # with less it is the form that is sampled
+                out['averaged'] = (SHORTEST, 1.0)
         return out
 
     @property
