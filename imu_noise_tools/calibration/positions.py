@@ -71,12 +71,17 @@ def rests(record: ImuRecord, seconds: float = STILL_S) -> list[Rest]:
         There is no accelerometer, or no rest of that length.
 
     """
+    return _rested(record, seconds)[0]
+
+
+def _rested(record, seconds) -> tuple[list[Rest], str]:
+    """Return the rests, and what is said of those that are too short; raise where none counts."""
     found, short = _placements(record, seconds)
+    said = _short_in_words(short, seconds)
     if not found:
-        moves = too_short(record, seconds) if short else 'it moves all the time'
-        raise InputError(f'no rest of {seconds:g} s: {moves}',
+        raise InputError(f'no rest of {seconds:g} s: {said or "it moves all the time"}',
                          'hold every pose still, for some seconds, on something solid')
-    return found
+    return found, said
 
 
 def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]:
@@ -102,7 +107,10 @@ def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]
 
 def too_short(record: ImuRecord, seconds: float = STILL_S) -> str:
     """Say which rests of a record are too short and what takes them; an empty string for none."""
-    _, short = _placements(record, seconds)
+    return _short_in_words(_placements(record, seconds)[1], seconds)
+
+
+def _short_in_words(short: list[tuple[float, float]], seconds: float) -> str:
     if not short:
         return ''
     said = _some([f'{n:.1f} s at {t:.1f} s' for t, n in short])
@@ -370,7 +378,7 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
         No accelerometer, no rest, or readings that are not m/s^2.
 
     """
-    found = rests(record, seconds)
+    found, short = _rested(record, seconds)
     outputs = np.array([r.accel for r in found]).T
     check_unit(outputs, gravity)
     poses = Poses.of(
@@ -378,7 +386,7 @@ def positions(record: ImuRecord, gravity: float, seconds: float = STILL_S
         gravity, temperature=temperatures(record, found),
         time=[record.t[r.samples()].mean() for r in found])
     _refuse_saturated(record, found, poses.names)
-    said = [*filter(None, [too_short(record, seconds)])]
+    said = [short] if short else []
     said += [f'{poses.names[k]}: {r.note}' for k, r in enumerate(found) if r.note]
     said += coarse('accel', np.asarray(record.accel, float), found, record.rate_hz)
     return poses, tuple(said)

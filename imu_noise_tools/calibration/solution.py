@@ -315,7 +315,7 @@ def _refuse_missing_faces(names, notes) -> None:
         said += f' (held {", ".join(twice)})'
     raise InputError(said + because(notes),
                      f'hold {" and ".join(missing)} up, still, and record again (or '
-                     f' {SPREAD_POSES} poses in all directions)')
+                     f'{SPREAD_POSES} poses in all directions)')
 
 
 def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:

@@ -89,8 +89,8 @@ class Chunks:
         Return log-likelihoods of each sample by k models of one structure, and lists of scores.
 
         (k, n - settle) each: of a missing sample 0, and NaN. There are scores of the samples off
-        by each of ``at_off``. Of each
-        chunk no more than ``share`` is passed, from its beginning; the rest is left at zero.
+        by each of ``at_off``. Of each chunk no more than ``share`` is passed, from its beginning;
+        the rest is left at zero.
 
         """
         key = tuple(models[0].labels)

@@ -12,6 +12,7 @@ import numpy as np
 from .evidence import Evidence
 from .kinds import Coupling
 from .likelihood import explained_by, Likelihood
+from ..core.spectrum import Bins
 from ..loop.effect import Fit
 
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
@@ -37,8 +38,7 @@ def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
     all axes: the peak is there in any case, the coupling is not shown.
 
     """
-    bins, weight, power = explained_by(evidence, fit, label)
-    nats = np.maximum(weight * power, 0.0)
+    bins, nats = _heard(evidence, fit, label)
     if not nats.sum() > 0:
         return ''
     wide = bins.count / (2 * evidence.duration)
@@ -51,6 +51,12 @@ def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
             'at one frequency a coupling cannot be told from a machine that all axes hear')
 
 
+def _heard(evidence: Evidence, fit: Fit, label: str) -> tuple[Bins, np.ndarray]:
+    """Return the bins, and the nats (b,) that a coupling of a model explains in each."""
+    bins, weight, power = explained_by(evidence, fit, label)
+    return bins, np.maximum(weight * power, 0.0)
+
+
 def heard_at(evidence: Evidence, fit: Fit, label: str) -> str:
     """
     Say at which frequencies a coupling of a model explains something, empty where nowhere.
@@ -58,8 +64,7 @@ def heard_at(evidence: Evidence, fit: Fit, label: str) -> str:
     What is heard in a narrow band comes from a machine or from a resonance of the mount.
 
     """
-    bins, weight, power = explained_by(evidence, fit, label)
-    nats = np.maximum(weight * power, 0.0)
+    bins, nats = _heard(evidence, fit, label)
     if not nats.sum() > 0:
         return ''
     low, high = bins.f[np.searchsorted(np.cumsum(nats), np.array(WITHIN) * nats.sum())]
