@@ -172,7 +172,7 @@ def test_two_that_bend_a_view_to_and_fro_are_seen_together_where_nothing_stands_
 
 @pytest.mark.parametrize('gain', [5.0, 50.0])
 def test_a_second_one_is_asked_for_before_all_others(search, gain):
-    """All others are fitted where one of the kinds wanted stands out, and count as one look."""
+    """Only the kinds wanted are fitted, and that counts as one look."""
     asked = []
     step = found('step', 'time', gain=gain, penalty=10.0)
 
@@ -180,21 +180,35 @@ def test_a_second_one_is_asked_for_before_all_others(search, gain):
         asked.append('some')
         return [f for f in (step, found('low_pass')) if wanted(type(f.effect))]
 
-    def every(fit):
-        asked.append('all')
-        return [step]
-
     places = search.places
     vars(search.places.problem).update(
         looks=1, knows_candidates=lambda fit: False, point=lambda model: Fit(model, {}, 0.0),
-        some_candidates=some, candidates=every)
+        some_candidates=some)
     model = places.base.plus(registry('noise')['ramp']())
     for _ in range(2):
         place = places.offering(model, lambda kind: kind.paired)
         assert (place is not None) == (gain > 10.0)
-    assert asked == (['some', 'all'] if place else ['some'])
+        assert place is None or place.candidates == (step,)
+    assert asked == ['some', 'some'] and places._looked == 1
     other = places.offering(places.base.plus(registry('noise')['drift']()), lambda kind: True)
-    assert other is None and 'some' not in asked[1:]
+    assert other is None and asked == ['some', 'some']
+    places.problem.candidates = lambda fit: [step]
+    assert places.at(model).candidates == (step,) and places._looked == 1
+
+
+@pytest.mark.parametrize('gain', [13.5, 15.0])
+def test_two_steps_that_are_only_seen_together_pay_once_for_being_believed(search, gain):
+    """Penalties of 13 each are 26; 10 and what the second gains beside the first need 19."""
+    first, second = (found('step', 'time', gain=x, penalty=13.0) for x in (10.0, gain))
+    _places(search, {'': [first], 'step': [second]})
+    search.places.tests = leaves({})
+    search.against.unhealed, search.against.unlowered = (lambda *_: ''), (lambda *_: (9.0, ''))
+    search.places.beside_others = lambda f, *_: f
+    pair = search.chain()
+    assert [f.gain for f in pair] == [10.0, gain]
+    search.forward()
+    sure, _ = search.odds(search.places.base, 'step.2')
+    assert sure == pytest.approx(1 / (1 + np.exp(26.0 - 6.9 - 10.0 - gain)), abs=2e-3)
 
 
 def test_of_what_gains_nothing_alone_that_which_leaves_least_is_looked_at_first(search):

@@ -24,6 +24,12 @@ class Place:
     candidates: tuple[Finding, ...]
 
 
+def _place(model: Model, fit: Fit, found: Iterable[Finding]) -> Place:
+    """Return a place with its candidates, what gains most beyond chance first."""
+    some = (f for f in found if f.effect is not None)
+    return Place(model, fit, tuple(sorted(some, key=lambda f: -surplus(f))))
+
+
 class Places:
     """
     The models of one target that a search comes to, with what it sees there.
@@ -64,40 +70,40 @@ class Places:
             try:
                 here = self._fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
-                looks = model == self.base or self._may_look
+                begun = key in self._partly
+                looks = model == self.base or begun or self._may_look
                 (self._unseen.discard if looks else self._unseen.add)(key)
-                self._looked += looks and not self.problem.knows_candidates(here)
+                self._looked += looks and not begun and not self.problem.knows_candidates(here)
                 found = self.problem.candidates(here) if looks else []
-                self._places[key] = Place(model, here, tuple(
-                    sorted((f for f in found if f.effect is not None), key=lambda f: -surplus(f))))
+                self._places[key] = _place(model, here, found)
             except FitError:
                 self._places[key] = None
         return self._places[key]
 
     def offering(self, model: Model, wanted: Callable[[type[Effect]], bool]) -> Place | None:
         """
-        Return :meth:`at` of a model, or None where none of the kinds wanted stands out there.
+        Return a model fitted, with its candidates of the kinds wanted; None where none stands out.
 
-        These are asked first: what acts on the mean takes a fraction of the time that all take.
+        The others are not tried: what acts on the mean takes a fraction of the time that all take.
 
         """
         key = frozenset(model.labels)
         if not self._is_open(key):
             return self._places[key]
-        if not self._may_look:
+        if not self._may_look and key not in self._partly:
             return None
         try:
             here = self._fit(model)
         except FitError:
             return None
         known = self.problem.knows_candidates(here)
-        if any(f.gain > f.penalty and not f.against
-               for f in self.problem.some_candidates(here, wanted)):
-            return self.at(model)
+        found = self.problem.some_candidates(here, wanted)
         if not known and key not in self._partly:
             self._looked += 1
             self._partly.add(key)
-        return None
+        if not any(f.gain > f.penalty and not f.against for f in found):
+            return None
+        return _place(model, here, found)
 
     def supported(self, model: Model) -> float | None:
         """Return ln L of what a fit of a model explains; None where there is none, or no such."""

@@ -152,8 +152,8 @@ class Search:
 
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
-        little by itself; then the second must gain what it lacks. Of others only the best of each
-        sort is tried first. A spectrum with one of two has a lower floor, above which the other
+        little by itself; then the second must gain what it lacks, and both pay once for being
+        believed. Of others only the best of each sort is tried first. A spectrum with one of two has a lower floor, above which the other
         stands out the more; so has its slow end, above which a mean does. Two that bend it to and
         fro may gain nothing each: where nothing stands out they are tried all the same; nor does
         a bound speak against the first of two there, at which the other one may hold it.
@@ -181,7 +181,11 @@ class Search:
                 continue
             g = next((g for g in self.able(between)
                       if g.name == f.name or others and pairs(f, g)), None)
-            if g is None or surplus(f) + surplus(g) <= 0:
+            if g is None:
+                continue
+            if g.name == f.name and not others:
+                g = replace(g, penalty=g.penalty - rules.ONCE)  # it is seen with the first alone
+            if surplus(f) + surplus(g) <= 0:
                 continue
             after = between.model.plus(fresh(g))
             both = together(f, g)

@@ -39,6 +39,10 @@ FALL = 6.0
 #: nats by which a form must be better for each parameter more than an amplitude, so that of nested
 #: names with equal gain the simpler one has 0.92 of the probability: e^2.5/(1 + e^2.5)
 PRICE = 2.5
+#: nats of a penalty that two of a kind pay once: a penalty is what chance exceeds in one axis of a
+#: thousand, the many places that were looked at and ln 1000. Two that are looked for together have
+#: as many places each, but are one answer to one question
+ONCE = 6.9
 #: nats of the odds for what nearly every sensor has, ten to one (a choice: who looks at a sensor
 #: expects its flicker and its random walk before a relaxation that looks like them)
 COMMON = 2.3
