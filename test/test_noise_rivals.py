@@ -97,6 +97,19 @@ def test_some_candidates_are_fitted_without_the_others():
             (f.name, f.gain) for f in some]
 
 
+def test_no_more_of_a_kind_is_looked_for_than_a_smooth_form_would_leave_a_name():
+    """Three swings with harmonics bend to anything; of steps there may be as many as there are."""
+    rng = np.random.default_rng(16)
+    y = SIZE * rng.standard_normal((2000, 3))
+    evidence = gather(ImuRecord(y, None, T[:2000], 1 / DT), ['gyro_x'])['gyro_x']
+    problem = NoiseProblem(evidence)
+    for names, there in ((['slow_periodic'] * 2 + ['step'] * 4, True),
+                         (['slow_periodic'] * 3 + ['step'] * 4, False)):
+        fit = problem.point(model_of('noise', ['white', *names]))
+        found = {f.name for f in problem.some_candidates(fit, lambda kind: kind.paired)}
+        assert ('slow_periodic' in found) == there and 'step' in found
+
+
 @pytest.mark.thorough
 def test_a_weak_relaxation_is_not_called_popcorn_noise():
     """Its spectrum is that of both, and the samples tell neither: what chance reaches is equal."""

@@ -160,6 +160,7 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     field_units: ClassVar[bool] = False  # do people read it in deg/sqrt(h) and the like, or in SI?
     several: ClassVar[bool] = False  # may a model hold more than one of it?
+    most: ClassVar[float] = float('inf')    # of it are looked for: more would bend to anything
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
     # does what shows it stand by itself, so that no misfit of anything else can imitate it?
     certain: ClassVar[bool] = False

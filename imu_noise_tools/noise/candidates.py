@@ -94,7 +94,7 @@ def candidates(problem: NoiseProblem, fit: Fit,
     tried: list[Tried] = []
     for name, known in registry('noise').items():
         cls = cast('type[NoiseEffect]', known)
-        if name in fit.model and not cls.several or wanted and not wanted(cls):
+        if _has_enough(fit.model, cls) or wanted and not wanted(cls):
             continue
         if cls.explains and set(cls.explains) <= explained:
             continue
@@ -112,6 +112,11 @@ def candidates(problem: NoiseProblem, fit: Fit,
     some = [f for f in by_one_measure(tried) if not views.hidden_by(evidence, fit, f.view)]
     some = as_likely_beforehand(problem, fit, some)
     return sorted(clear_of_less(some), key=lambda f: f.penalty - f.gain)
+
+
+def _has_enough(model: Model, cls: type[NoiseEffect]) -> bool:
+    """Tell whether a model has as many of a kind as are looked for."""
+    return sum(e.name == cls.name for e in model) >= (cls.most if cls.several else 1)
 
 
 def as_likely_beforehand(problem: NoiseProblem, fit: Fit,

@@ -37,6 +37,7 @@ class SlowPeriodic(Mean):
     )
     reference = 'IEEE 952 C.1.7 (sinusoidal noise), below the frequencies at which lines are found'
     several = True
+    most = 3    # with two harmonics each these have more shapes than the smooth form without a name
     decide = 'record over several of its periods, the temperature too where it is not there yet'
     parameters = (
         *(
