@@ -79,6 +79,32 @@ def test_a_band_that_is_switched_on_and_off_is_none(high):
         assert found(rng.standard_normal(N) + high * on * x / np.std(x)).sure < 7
 
 
+@pytest.mark.parametrize('f, tc, width, harmonics, on', [
+    (23.4, 40, 0.005, 2, True), (11.8, 100, 0.03, 3, False), (35.0, 40, 0.01, 1, False),
+    (8.0, 200, 0.04, 1, True)])
+def test_a_machine_whose_speed_wanders_is_none(f, tc, width, harmonics, on):
+    """Nor one that runs now and then: it crosses a path, and is loud there."""
+    for seed in range(4):
+        rng = np.random.default_rng([seed, tc])
+        a = np.exp(-DT / tc)
+        speed = lfilter([width * np.sqrt(1 - a**2)], [1, -a], rng.standard_normal(2 * N))[N:]
+        phase = 2 * np.pi * f * DT * np.cumsum(1 + speed)
+        runs = (T > 60) & (T < 200) | (T > 350) & (T < 480) if on else 1
+        heard = sum(np.sin(k * phase) / k for k in range(1, harmonics + 1)) * runs
+        assert found(rng.standard_normal(N) + 2 * heard).sure < 6
+
+
+@pytest.mark.parametrize('runs', [1, 2, 4])
+@pytest.mark.parametrize('wander', [0.0, 0.003])
+def test_a_machine_that_runs_up_again_and_again_sweeps(runs, wander):
+    """With a speed that is not quite even, and louder the faster it is."""
+    at, a = T * runs / T[-1] % 1, np.exp(-DT / 20)
+    speed = 8 + 24 * at + 20 * lfilter([wander * np.sqrt(1 - a**2)], [1, -a], white(18))
+    said = found(white(17) + (speed / 32)**2 * np.sin(2 * np.pi * DT * np.cumsum(speed)))
+    rate = (said.last - said.first) / (said.end - said.begin)
+    assert said.sure > 30 and rate == pytest.approx(24 * runs / T[-1], rel=0.1)
+
+
 def test_sums_along_lines_are_those_of_the_cells():
     """The best of all lines, against every digital line of Brady's recursion written out."""
     power = np.random.default_rng(13).exponential(size=(32, 37))

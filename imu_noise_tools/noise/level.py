@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from . import views
 from .curve import model_curve
 from .evidence import Evidence
 from .kinds import Modulation, Spectrum
@@ -25,6 +26,8 @@ from ..loop.effect import Estimate, Fit, Model
 CLIPPED = 1e-3  # share of the samples at an end of the range; less takes no thousandth from N
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
+SHARE = 0.5  # of a band's power, that white noise has where the band tells of it
+SURE = 4.0  # standard deviations by which a band follows a change by less than half
 NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
 
 
@@ -41,7 +44,10 @@ def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
     if said := clipped(evidence):
         out.append(f'{said}: mean and level are wrong')
     low, high = extremes(evidence, fit.model)
-    if high > low:
+    if high > low and (band := steady_band(evidence, fit)):
+        out.append(f'what changes the level in time is not heard from {band[0]:.3g} to '
+                   f'{band[1]:.3g} Hz: it is no change of this')
+    elif high > low:
         out.append('the mean over the whole record (rms), whose level changes in time')
     elif np.isfinite(fit.details.hint.quiet):
         out.append(f'the level from {fit.details.hint.quiet:.3g} Hz on is that of the quiet part '
@@ -101,11 +107,47 @@ def extremes(evidence: Evidence, model: Model) -> tuple[float, float]:
     return float(np.min(level)), float(np.max(level))
 
 
+def steady_band(evidence: Evidence, fit: Fit) -> tuple[float, float] | None:
+    """
+    Return the ends, Hz, of a band of white noise that a change of the level leaves as it is.
+
+    A rumble that comes and goes makes the record louder, and not its white noise: where that has
+    most of the power the blocks follow the change by surely less than half. None where none does.
+
+    """
+    changes, details = fit.model.of(Modulation), fit.details
+    flat = [e.label for e in fit.model.of(Spectrum) if _is_flat(e, evidence.dt)]
+    if not changes or details is None or not flat or views.muted_by(fit, 'variance'):
+        return None
+    t, x, _ = views.power_in_time(evidence, fit.model)
+    edges = views.bands_in_time(evidence)
+    groups = [i for i in np.array_split(np.arange(len(edges) - 1), x.shape[1]) if len(i)]
+    if x.shape[1] < 2:  # of all bands together
+        return None
+    m = np.prod([views.block_variance(e, t) for e in changes], axis=0)
+    m = m / np.mean(m) - 1
+    f = evidence.whole.bins.f
+    white, whole = sum(details.each[k] for k in flat), np.maximum(details.v, evidence.whole.power)
+    for column, i in reversed([*enumerate(groups)]):
+        low, high = edges[i[0]], edges[i[-1] + 1]
+        there = (f >= low) & (f < high)
+        if np.sum(white[there]) <= SHARE * np.sum(whole[there]):
+            continue
+        y = x[:, column] / np.mean(x[:, column]) - 1
+        slope = float(m @ y / (m @ m))
+        spread = np.sqrt(np.sum((y - slope * m)**2) / (len(y) - 2) / (m @ m))
+        if slope + SURE * spread < 0.5:
+            return float(low), float(high)
+    return None
+
+
 def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estimate]]:
     """Return the estimates of a fit, what every sensor has with what there is to say of it."""
     out = {k: dict(v) for k, v in fit.estimates.items()}
     said = level_notes(evidence, fit)
     low, high = extremes(evidence, fit.model)
+    if steady_band(evidence, fit):
+        low = high
     for e in fit.model.of(Spectrum):
         for p in e.parameters if said and e.in_every_sensor else ():
             estimate = out[e.label][p.name]

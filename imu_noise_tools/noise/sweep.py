@@ -7,7 +7,9 @@ A line that sweeps: a machine that runs up or down.
 Spread over many frequencies and all of the time it is lost in every bin and every block, and bends
 the spectrum like a filter. Along its own path, a straight line in time and frequency, it is not:
 sums along all such lines through the power of short blocks, by the discrete Radon transform of
-Brady (SIAM J. Comput. 27, 1998), which takes n ln n additions.
+Brady (SIAM J. Comput. 27, 1998), which takes n ln n additions. A line that stays, comes and goes,
+or wanders about its frequency only crosses such paths, and is loud where it does: what follows one
+is seen in every eighth of it.
 
 """
 
@@ -25,8 +27,10 @@ from ..loop.verdict import FLEXIBLE
 
 SHORTEST = 32   # blocks along which a line is followed at least
 PARTS = 8       # of the record, the shortest that is looked at
-LEAST = 8       # cells through which it sweeps at least: what stays is a line or a narrow band
+LEAST = 6       # cells through which it sweeps at least: what stays is a line or a narrow band
 CAP = 8.0       # times the mean power that a cell counts at most
+HALVED = 3      # times, a path: each of these parts has to show what all of it does
+UNEVEN = 1.42   # standard deviations by which the least of eight normal values is less, on average
 LINE, BESIDE, AROUND = 1, 6, 17     # cells to either side of a line and beside it, and blocks
 LOUD = 1.3      # times the mean power of those beside, which by chance are four deviations less
 NONE = np.zeros(6)
@@ -127,34 +131,54 @@ def _along_lines(power: np.ndarray, depth: int) -> tuple[float, float, int, int,
     """
     Return (sure, strong, blocks, which stretch of so many, steps, cell at its beginning).
 
-    Of lines that rise by a whole number of steps, up to one a block, through cells (blocks, m),
-    which go on at the other end. Sums of w cells exceed x w by chance less often than e^-(w (x - 1
-    - ln x)), Chernoff's bound; of all lines that are looked at once in so many.
+    Of lines that rise by a whole number of steps, up to one a block, through cells (blocks, m).
+    Sums of w cells exceed x w by chance less often than e^-(w (x - 1 - ln x)), Chernoff's bound;
+    of all lines that are looked at once in so many. A sum counts as much as if all of its parts
+    were as loud as the least may be: a bound on what is less is one on that too.
 
     """
-    cells, best = power.shape[1], (0.0, 0.0, 1, 0, 0, 0)
-    sums = power[:, None, :]
+    cells, best, parts = power.shape[1], (0.0, 0.0, 1, 0, 0, 0), 1 << HALVED
+    # along each line the sum of the cells, and of its halves, quarters, eighths the least sum
+    least = [power[:, None, :]] * (HALVED + 1)
     for level in range(1, depth + 1):
         w = 1 << level
-        early, late = sums[0::2], sums[1::2]
-        sums = np.empty((len(early), w, cells), power.dtype)
-        for steps in range(w):
-            half, shift = steps // 2, (steps + 1) // 2 % cells
-            out = sums[:, steps]
-            np.add(early[:, half, :cells - shift], late[:, half, shift:],
-                   out=out[:, :cells - shift])
-            if shift:
-                np.add(early[:, half, cells - shift:], late[:, half, :shift],
-                       out=out[:, cells - shift:])
+        for k in range(HALVED, 0, -1):
+            least[k] = _joined(np.minimum, least[k - 1])
+        least[0] = _joined(np.add, least[0])
         if w < SHORTEST or w * PARTS < len(power):
             continue
-        most = int(np.argmax(sums[:, LEAST:]))
-        window, steps, at = np.unravel_index(most, (len(sums), w - LEAST, cells))
-        x = float(sums[window, steps + LEAST, at]) / w
+        sums, chance = least[0], np.float32(UNEVEN * np.sqrt(parts * w))
+        counted = np.minimum(sums, parts * least[-1] + chance)[:, LEAST:]
+        # a line that would go on at the other end of the band is none
+        counted *= np.add.outer(np.arange(LEAST, w), np.arange(cells)) < cells
+        window, steps, at = np.unravel_index(int(np.argmax(counted)), counted.shape)
+        x = max(1.0, float(counted[window, steps, at]) / w)
         sure = w * (x - 1 - np.log(x)) - np.log(2 * depth * sums.size)
         if sure > best[0]:
-            best = (sure, w * (x - 1), w, int(window), int(steps) + LEAST, int(at))
+            steps += LEAST
+            strong = float(sums[window, steps, at]) - w
+            best = (sure, strong, w, int(window), int(steps), int(at))
     return best
+
+
+def _joined(op: np.ufunc, parts: np.ndarray) -> np.ndarray:
+    """
+    Return what op makes of both halves of each line twice as long, (k / 2, 2 w, m).
+
+    Of parts (k, w, m): of k stretches of w blocks, the lines that rise by 0 to w - 1 steps from
+    each of m cells, which go on at the other end.
+
+    """
+    early, late = parts[0::2], parts[1::2]
+    w, cells = 2 * parts.shape[1], parts.shape[2]
+    out = np.empty((len(early), w, cells), parts.dtype)
+    for steps in range(w):
+        half, shift = steps // 2, (steps + 1) // 2 % cells
+        to = out[:, steps]
+        op(early[:, half, :cells - shift], late[:, half, shift:], out=to[:, :cells - shift])
+        if shift:
+            op(early[:, half, cells - shift:], late[:, half, :shift], out=to[:, cells - shift:])
+    return out
 
 
 def test_of(sweep: np.ndarray) -> Finding:
