@@ -69,4 +69,5 @@ def gravity(given: float | None = None, latitude: float | None = None,
         value = normal_gravity(latitude, height or 0.0)
         where = f'latitude {latitude:g} deg, height {height or 0:g} m'
         return value, f'WGS-84 normal gravity at {where}'
-    return G0, 'standard gravity (local gravity is 9.76 to 9.84; give --gravity or --latitude)'
+    return G0, ('standard gravity (local gravity is 9.76 to 9.84: all scale factors may be off by '
+                'up to 0.5 %; give --gravity or --latitude)')

@@ -142,7 +142,8 @@ def _solved(data: Any) -> str:
     std = data['std']
     rows = ['      S (scale and cross-axis sensitivity), ± one standard deviation   bias']
     for k, axis in enumerate('xyz'):
-        row = '  '.join(f'{s:9.6f} ±{e:.1e}' for s, e in zip(data['S'][k], std['S'][k]))
+        row = '  '.join(f'{s:9.6f} ±{e:.1e}' if s or e else f'{"0 (chosen axes)":>18}'
+                        for s, e in zip(data['S'][k], std['S'][k]))
         rows.append(f'  {axis}   {row}   {data["bias"][k]:10.6f} ±{std["bias"][k]:.1e} '
                     f'{data["unit"]}')
     if is_heated(data):
