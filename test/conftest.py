@@ -36,7 +36,8 @@ LONG_FILES = ('manual', 'noise_loop', 'noise_rivals', 'fleet', 'clean_install', 
               'ladder_processes', 'explore_browser', 'noise_forms', 'noise_samples', 'filter_loop',
               'noise_fit', 'python', 'explore', 'noise_lines', 'noise_robust', 'noise_effects',
               'commands_bad_input', 'plots', 'first_use', 'noise_smooth', 'two_topics', 'bag',
-              'other_types', 'filter_smoother', 'filter_engine', 'own_effects', 'node_filter')
+              'other_types', 'filter_smoother', 'filter_engine', 'own_effects', 'node_filter',
+              'calibration_turns', 'calibration_effects', 'report', 'node_start_stop')
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -15,7 +15,12 @@ def daily(values: Iterable, *few) -> list:
     """Return parameters, all but a few of them for the thorough tests."""
     values = list(values)
     assert set(few) <= set(values)
-    return [pytest.param(v, marks=() if v in few else pytest.mark.thorough) for v in values]
+    return [v if v in few else seldom(v) for v in values]
+
+
+def seldom(*values):
+    """Return one row of parameters for the thorough tests."""
+    return pytest.param(*values, marks=pytest.mark.thorough)
 
 
 def in_share(test: str, share: str) -> bool:

@@ -58,6 +58,7 @@ class Source:
         self.package = ('imu_noise_tools', *parts[:-1])
         self.layer = '' if parts in (('__init__',), ('__main__',)) else parts[0]
         self.tree = ast.parse(path.read_text(encoding='utf-8') if text is None else text)
+        self.nodes = list(ast.walk(self.tree))
 
     def at(self, line) -> str:
         """Return a place that an editor can jump to."""
@@ -78,12 +79,12 @@ class Source:
         return list(self._every_import())
 
     def _every_import(self):
-        typed = {id(n) for check in ast.walk(self.tree) if isinstance(check, ast.If)
+        typed = {id(n) for check in self.nodes if isinstance(check, ast.If)
                  and getattr(check.test, 'id', '') == 'TYPE_CHECKING' for n in ast.walk(check)}
         functions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
-        inside = {id(n) for f in ast.walk(self.tree) if isinstance(f, functions)
+        inside = {id(n) for f in self.nodes if isinstance(f, functions)
                   for n in ast.walk(f)}
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Import):
                 names = [tuple(a.name.split('.')) for a in node.names]
             elif isinstance(node, ast.ImportFrom):
@@ -113,7 +114,7 @@ class Source:
 
     def files(self):
         """Yield places that touch the file system or the terminal."""
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             f = node.func if isinstance(node, ast.Call) else None
             if isinstance(f, ast.Name) and f.id in ('open', 'print', 'input'):
                 yield f'{self.at(node.lineno)} {f.id}()'
@@ -185,7 +186,7 @@ def test_the_core_knows_no_file_formats(sources):
 def test_nothing_is_unpickled_and_no_yaml_object_is_built(sources):
     wrong = [x for s in sources for x in s.importing(PICKLES)]
     for s in sources:
-        for node in ast.walk(s.tree):
+        for node in s.nodes:
             if isinstance(node, ast.keyword) and node.arg == 'allow_pickle' \
                     and getattr(node.value, 'value', True) is not False:
                 wrong.append(f'{s.at(node.value.lineno)} allow_pickle')
@@ -196,7 +197,7 @@ def test_nothing_is_unpickled_and_no_yaml_object_is_built(sources):
 
 
 def test_no_bare_except(sources):
-    assert not [s.at(n.lineno) for s in sources for n in ast.walk(s.tree)
+    assert not [s.at(n.lineno) for s in sources for n in s.nodes
                 if isinstance(n, ast.ExceptHandler) and n.type is None]
 
 
@@ -221,7 +222,7 @@ def test_size_counts_what_it_should():
 
 def test_functions_are_short(sources):
     """A function of more than 60 lines or 25 names is several functions."""
-    long = {f'{s.at(f.lineno)} {f.name}': found for s in sources for f in ast.walk(s.tree)
+    long = {f'{s.at(f.lineno)} {f.name}': found for s in sources for f in s.nodes
             if isinstance(f, (ast.FunctionDef, ast.AsyncFunctionDef))
             and ((found := size(f))[0] > 60 or found[1] > 25)}
     assert not long, '(lines, names)'
@@ -330,11 +331,11 @@ def test_nobody_asks_for_a_member_by_its_name(sources):
     rooms = ('core', 'loop', 'noise', 'calibration', 'filter', 'health', 'store', 'plots',
              'report', 'tasks')
     asked = {f'{s.at(n.lineno)} {n.args[1].value}' for s in sources if s.layer in rooms
-             for n in ast.walk(s.tree) if isinstance(n, ast.Call)
+             for n in s.nodes if isinstance(n, ast.Call)
              and getattr(n.func, 'id', '') in ('getattr', 'hasattr')
              and isinstance(n.args[1], ast.Constant)}
     assert {x.split()[-1] for x in asked} == {'CSafeLoader'}, asked     # where PyYAML has libyaml
-    assert not [s.at(n.lineno) for s in sources if s.layer == 'loop' for n in ast.walk(s.tree)
+    assert not [s.at(n.lineno) for s in sources if s.layer == 'loop' for n in s.nodes
                 if isinstance(n, ast.Call) and getattr(n.func, 'id', '') in ('getattr', 'hasattr')]
 
 
@@ -372,8 +373,8 @@ def test_an_effect_is_named_in_its_own_file_alone(sources):
             home.setdefault(name, set()).add(Path(inspect.getfile(cls)))
     wrong, used = [], set()
     for s in sources:
-        docs = {id(n.value) for n in ast.walk(s.tree) if isinstance(n, ast.Expr)}
-        for n in ast.walk(s.tree):
+        docs = {id(n.value) for n in s.nodes if isinstance(n, ast.Expr)}
+        for n in s.nodes:
             name = n.value if isinstance(n, ast.Constant) and id(n) not in docs else None
             if not isinstance(name, str) or s.path in home.get(name, (s.path,)):
                 continue

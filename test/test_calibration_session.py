@@ -464,6 +464,7 @@ def real(folder: Path, name, rate=None):
     return ImuRecord(gyro, accel, t, rate, path=name)
 
 
+@pytest.mark.thorough
 def test_xsens(shared_data):
     """38 hand-held poses against the reference, in counts; nominal faces of them warn."""
     done = tasks.calibrate_records([real(shared_data, 'xsens_mti_multipos')], gravity=9.81744)
@@ -490,6 +491,7 @@ def test_mpu9150(shared_data, name, scale, bias):
     np.testing.assert_array_less(np.abs(c.bias - bias), 3 * std_b + 5e-4)
 
 
+@pytest.mark.thorough
 def test_imucal(shared_data):
     """
     Six faces and three hand turns: both sensors solve.

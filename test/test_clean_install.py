@@ -106,7 +106,8 @@ def clean(root, tmp_path_factory):
     device = sessions.Device.drawn(rng, noise=2e-3)
     t, gyro, accel, _ = sessions.stream(device, sessions.faces()[1], rng)
     np.savez(made.here / 'faces.npz', gyro=gyro, accel=accel, t=t)
-    return made
+    yield made
+    shutil.rmtree(made.bin.parent)      # pytest keeps the folders of three runs: of 20 000 files
 
 
 # every command, in an order in which each finds what it needs

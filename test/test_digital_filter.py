@@ -4,6 +4,7 @@
 """Filters of the sensor that have no usual form: seen in all of its axes alike."""
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import butter, cheby2, ellip, firwin, freqz, lfilter
 
@@ -36,7 +37,7 @@ def start(record, axes=('gyro_x', 'gyro_y', 'gyro_z')):
     return DigitalFilter({}).starts(gather(record, list(axes))['gyro_x'])
 
 
-@pytest.mark.parametrize('name', FILTERS)
+@pytest.mark.parametrize('name', daily(FILTERS, 'Butterworth 3', 'decimator'))
 def test_a_fit_starts_at_the_filter(name):
     """Within 2 % of ln gain^2 in the mean, its -3 dB within 1 Hz."""
     rng = np.random.default_rng([*FILTERS].index(name))
@@ -49,6 +50,7 @@ def test_a_fit_starts_at_the_filter(name):
     assert found['cutoff'] == pytest.approx(f[np.argmax(true < np.log(0.5))], abs=1.0)
 
 
+@pytest.mark.thorough
 def test_what_the_axes_do_not_share_is_no_filter_of_the_sensor():
     """Another fall in each axis, a flat spectrum, one source in two axes, a single axis."""
     rng = np.random.default_rng(4)

@@ -379,6 +379,7 @@ def test_a_line_put_in_by_hand_heals_no_other(loaded):
     assert far == pytest.approx(before) and near < 0.1 * before
 
 
+@pytest.mark.thorough
 def test_every_effect_offered_by_hand_can_be_drawn(loaded):
     state = loaded.states['accel_z']
     names = panels.names_by_hand('noise', state)

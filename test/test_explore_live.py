@@ -15,12 +15,17 @@ from imu_noise_tools.cli.main import main
 from nodes_support import wait_for
 
 pytestmark = pytest.mark.thorough
-live = pytest.importorskip('imu_noise_tools.explore.live',
-                           reason='pip install "imu_noise_tools[explore]"')
 __all__ = ['browser']
 
 
-def test_the_curve_is_drawn_as_it_came():
+@pytest.fixture
+def live():
+    """Return the module: what it imports takes a second, which is not to be paid to collect."""
+    return pytest.importorskip('imu_noise_tools.explore.live',
+                               reason='pip install "imu_noise_tools[explore]"')
+
+
+def test_the_curve_is_drawn_as_it_came(live):
     tau = np.geomspace(0.01, 10, 20)
     came = {'tau': tau, 'adev': 2e-5 / np.sqrt(tau), 'lo': 1.9e-5 / np.sqrt(tau),
             'hi': 2.1e-5 / np.sqrt(tau), 'model': 2e-5 / np.sqrt(tau)}
@@ -33,7 +38,7 @@ def test_the_curve_is_drawn_as_it_came():
     assert len(alone.curves) == 1 and not alone.pull.any()
 
 
-def test_coefficients_are_read_from_the_topic():
+def test_coefficients_are_read_from_the_topic(live):
     came = {'N [rad/s/sqrt(Hz)]': '0.000141', 'N_std [rad/s/sqrt(Hz)]': '4e-7',
             'N_lo [rad/s/sqrt(Hz)]': '0.00014', 'N_hi [rad/s/sqrt(Hz)]': '0.000142',
             'B_std [rad/s]': '1e-12', 'B_upper95 [rad/s]': '2.9e-05', 'held_out': '0.07'}

@@ -10,6 +10,7 @@ errors in motion.
 from __future__ import annotations
 
 import numpy as np
+from params import seldom
 import pytest
 
 from imu_noise_tools.core.errors import InputError, UsageError
@@ -204,12 +205,12 @@ def test_a_constant_or_coarse_output_has_some_noise():
 
 
 SWITCHES = [
-    {'motion': AUTO},
+    seldom({'motion': AUTO}),
     {'motion': ('constant_rate', 'angular_acceleration')},
     {'alpha': 0.7},
     {'noise': ('white', 'gauss_markov')},
     {'motion': AUTO, 'noise': ('white', 'outliers')},
-    {'motion': AUTO, 'noise': ('white', 'sampling_jitter')},
+    seldom({'motion': AUTO, 'noise': ('white', 'sampling_jitter')}),
 ]
 
 

@@ -567,6 +567,7 @@ def test_rounding_is_not_a_heavy_or_light_tail():
     assert found.verdict == 'complete', found
 
 
+@pytest.mark.thorough
 def test_the_noise_of_a_sample_is_all_that_noise_adds():
     """The white part alone stood against an answer that holds what is left of the rest too."""
     dt, white = 0.01, 2.5e-5
@@ -643,7 +644,7 @@ def test_samples_at_the_end_of_the_range_are_not_judged():
     assert not np.isnan(placed(t, true, 'gyro_x').z).any()
 
 
-@pytest.mark.parametrize('size', [30.0, 300.0])
+@pytest.mark.parametrize('size', daily([30.0, 300.0], 30.0))
 def test_outliers_of_a_record_tell_their_size(size):
     """By typical values spikes of 70 sigma came out as they went in."""
     rng, n = np.random.default_rng(11), 3000

@@ -9,6 +9,7 @@ from itertools import product
 import json
 
 import numpy as np
+from params import daily, seldom
 import pytest
 from scipy import stats
 
@@ -60,7 +61,7 @@ def turning(n, seed=0, rate=100.0):
     return t, truth + SIGMA * np.random.default_rng(seed).standard_normal((n, 3)), truth
 
 
-@pytest.mark.parametrize('name', sorted(LINEAR))
+@pytest.mark.parametrize('name', daily(sorted(LINEAR), 'acceleration', 'colour'))
 def test_one_model_is_the_plain_smoother(name):
     t, z, _ = turning(700)
     chosen = design(*LINEAR[name], values=KNOWN)
@@ -161,7 +162,7 @@ def test_a_delay_lies_between_the_filter_and_the_smoother():
         assert np.median(got.variance[50:] / causal.variance[50:]) < 0.95
 
 
-@pytest.mark.parametrize('later', [{'smooth': True}, {'delay': 0.1}])
+@pytest.mark.parametrize('later', [{'smooth': True}, seldom({'delay': 0.1})])
 def test_outliers_count_for_little_on_the_way_back_too(later):
     t, z, truth = turning(700, seed=11)
     z[[150, 350, 550]] += 30 * SIGMA

@@ -26,6 +26,7 @@ from imu_noise_tools.cli.main import main
 
 # Filters by one model where what a bank of them does is not asked: it takes six times as long.
 ONE_MODEL = ('--motion', 'constant_rate,ar_increment')
+SOME_AXES = ('--axes', 'gyro_x,gyro_y,accel_z')
 
 
 def run(*words, status=0, columns=None, folder=None):
@@ -60,7 +61,8 @@ def analysed(tmp_path_factory):
     record = bad_input.still(70)
     record.gyro[100, 0] = np.nan
     np.savez(folder / 'a.npz', gyro=record.gyro, accel=record.accel, t=record.t)
-    return folder / 'study', *run('analyse', folder / 'a.npz', '-o', folder / 'study')
+    return folder / 'study', *run(
+        'analyse', folder / 'a.npz', '-o', folder / 'study', *SOME_AXES)
 
 
 @pytest.fixture(scope='module')
@@ -246,7 +248,7 @@ def test_si_stands_beside_the_units_of_the_field(tmp_path, analysed):
     study, printed, _ = analysed
     source, mine = study.parent / 'a.npz', tmp_path / 'a'
     for words, unit, plain in (
-            (('analyse', source, '-o', mine), 'rad/s/sqrt(Hz)', printed),
+            (('analyse', source, '-o', mine, *SOME_AXES), 'rad/s/sqrt(Hz)', printed),
             (('plan', mine), 'm/s^2/sqrt(Hz)', None),
             (('compare', mine, '--sheet', 'bmi088'), 'rad/s/sqrt(Hz)', None)):
         plain, with_si = plain or run(*words)[0], run(*words, '--si')[0]

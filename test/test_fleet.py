@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 from html.parser import HTMLParser
+from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -22,15 +23,14 @@ import pytest
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.export import export
-from imu_noise_tools.fleet import assemble, page
+from imu_noise_tools.fleet import assemble, findings, page, run, table
 from imu_noise_tools.fleet.inputs import Bag, bags_of
 from imu_noise_tools.fleet.work import content_of, examine, Options
 
-distributed = pytest.importorskip('distributed')
-fsspec = pytest.importorskip('fsspec')
-pytest.importorskip('pyarrow')
-
-from imu_noise_tools.fleet import findings, run, table  # noqa: E402,I100
+# Not imported to be collected: every process that tests run in would pay for it.
+for needed in ('distributed', 'fsspec', 'pyarrow'):
+    if not find_spec(needed):
+        pytest.skip(f'no {needed}', allow_module_level=True)
 
 PYTHON = sys.executable
 QUICK = {'axes': ('gyro_x', 'gyro_y'), 'effects': ('white', 'random_walk')}
@@ -50,6 +50,7 @@ def record(path: Path, seed: int = 0, level: float = 1e-4, n: int = 6000, line: 
 @pytest.fixture(scope='module')
 def client():
     """Return a client whose one worker is a thread of this process."""
+    import distributed
     with distributed.Client(processes=False, n_workers=1, threads_per_worker=1,
                             dashboard_address=None, set_as_default=False) as found:
         yield found
@@ -162,6 +163,7 @@ def test_errors_of_a_manifest_are_one_line(text, said, tmp_path):
 @pytest.fixture
 def remote(bags):
     """Return a file system in memory with two bags and a manifest."""
+    import fsspec
     fs = fsspec.filesystem('memory')
     for name in ('imu0_v1.npz', 'imu1_v2.npz'):
         fs.pipe(f'/fleet/{name}', (bags / name).read_bytes())

@@ -9,6 +9,7 @@ from dataclasses import replace
 import json
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -259,7 +260,7 @@ def knocked(record, times, size=1.0, gyro=0.05) -> ImuRecord:
     return replace(record, accel=a, gyro=w)
 
 
-@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize('seed', daily(SEEDS, 1))
 @pytest.mark.parametrize('rate', [50, 100, 400])
 def test_knocks_are_found_and_set_aside(seed, rate):
     """Four knocks of 1 m/s^2: listed with time and size, set aside, and nothing else."""
@@ -524,7 +525,7 @@ def test_one_step_of_the_grid():
         assert resolution(x).step == pytest.approx(0.4, rel=1e-6) == grid_step(x)[0]
 
 
-@pytest.mark.parametrize('walk', [1.0, 0.03])
+@pytest.mark.parametrize('walk', daily([1.0, 0.03], 0.03))
 def test_noise_that_wanders_is_no_warm_up(walk):
     """One random walk in a thousand begins as if it came from afar (one in 17, before)."""
     rng = np.random.default_rng(8)

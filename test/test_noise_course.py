@@ -164,6 +164,7 @@ def test_a_creep_is_not_a_transient_with_a_drift(seed):
     assert not said.found and said.remaining is not None, said.found
 
 
+@pytest.mark.thorough
 def test_a_creep_that_a_random_walk_holds_is_not_sufficient():
     """The Allan curve fits, with ten times the K there is; with slow cosines in its place not."""
     rng = np.random.default_rng(12)

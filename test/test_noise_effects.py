@@ -65,9 +65,10 @@ def variants(cls) -> list[NoiseEffect]:
     return out
 
 
-def of_kind(*kinds, without=()):
-    """Parametrise over the variants of all effects of a kind."""
-    found = [pytest.param(e, id=' '.join([n, *(f'{e[p.name]:g}' for p in c.parameters)]))
+def of_kind(*kinds, without=(), seldom=False):
+    """Parametrise over the variants of all effects of a kind; every day their examples do."""
+    found = [pytest.param(e, id=' '.join([n, *(f'{e[p.name]:g}' for p in c.parameters)]),
+                          marks=pytest.mark.thorough if seldom and e != c.example() else ())
              for n, c in EFFECTS.items() if issubclass(c, kinds) and not issubclass(c, without)
              for e in variants(c)]
     return pytest.mark.parametrize('effect', found)
@@ -434,7 +435,7 @@ def test_what_simulation_puts_in_the_fit_finds(effect):
         assert abs(white.value - N_WHITE) < 5 * white.std
 
 
-@of_kind(Defect, Modulation)
+@of_kind(Defect, Modulation, seldom=True)
 def test_what_simulation_puts_in_is_found_in_the_samples(effect):
     example = effect == type(effect).example()
     evidence = evidence_of_example(effect.name) if example else evidence_of(effect, seed=1)

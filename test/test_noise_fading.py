@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import lfilter
 
@@ -109,7 +110,7 @@ def swing_of(rng, make):
     return told[0, 2] if len(told) else None
 
 
-@pytest.mark.parametrize('share', [0.2, 0.4, -0.3])
+@pytest.mark.parametrize('share', daily([0.2, 0.4, -0.3], 0.4, -0.3))
 def test_a_swing_that_fades_tells_in_which_time(share):
     """Three draws each; one that swells has it below zero."""
     rng = np.random.default_rng(15)

@@ -207,6 +207,7 @@ def test_sinusoids():
     assert np.all(np.std(pulls, axis=0) < 1.8) and np.all(np.std(pulls, axis=0) > 0.5)
 
 
+@pytest.mark.thorough
 def test_resolution_of_the_output():
     rng, sigma = np.random.default_rng(9), MEMS['N'] / np.sqrt(0.05)
     for share in (0.7, 1.0, 2.0):
@@ -303,7 +304,7 @@ def assert_scaled(one, other, size=1.0, time=1.0, rtol=1e-3):
 
 
 @pytest.mark.parametrize('effects', MODELS.values(), ids=MODELS)
-@pytest.mark.parametrize('size', [1e3, 57.29577951308232])
+@pytest.mark.parametrize('size', daily([1e3, 57.29577951308232], 57.29577951308232))
 def test_units_do_not_matter(effects, size):
     one, other = fit_sample(effects), fit_sample(effects, size=size)
     assert_scaled(one, other, size=size)
@@ -311,7 +312,7 @@ def test_units_do_not_matter(effects, size):
 
 
 @pytest.mark.parametrize('effects', MODELS.values(), ids=MODELS)
-@pytest.mark.parametrize('time', [100.0, 0.01])
+@pytest.mark.parametrize('time', daily([100.0, 0.01], 100.0))
 def test_the_clock_does_not_matter(effects, time):
     """The same samples, declared faster or slower: each coefficient scales by its dimension."""
     assert_scaled(fit_sample(effects), fit_sample(effects, dt=0.1 * time), time=time)
@@ -370,7 +371,8 @@ AWKWARD = {
 }
 
 
-@pytest.mark.parametrize('samples', AWKWARD.values(), ids=AWKWARD)
+@pytest.mark.parametrize('samples', daily(
+    AWKWARD.values(), *(v for k, v in AWKWARD.items() if 'pure' not in k)), ids=AWKWARD)
 @pytest.mark.parametrize('effects', daily([BASE, ('white', 'ramp', 'sinusoid'),
                                            ('gauss_markov', 'quantization')], BASE), ids='+'.join)
 @pytest.mark.filterwarnings('error')
@@ -482,7 +484,7 @@ def test_a_ridge_is_walked_to_its_end(shared_data):
                 assert e.ci95[0] <= e.value <= e.ci95[1], (label, name, e)
 
 
-@pytest.mark.parametrize('window', [0.7, 1.0, 1.2])
+@pytest.mark.parametrize('window', daily([0.7, 1.0, 1.2], 1.0))
 def test_a_pole_whose_output_is_averaged(window):
     """As autopilots log it: first order, averaged over about an output interval, at 250 Hz."""
     rng, n, fast, dt, pole = np.random.default_rng([92, int(10 * window)]), 60_000, 40, 4e-3, 40.0
@@ -563,6 +565,7 @@ def test_a_filter_that_something_hisses_behind_is_no_other_filter():
     assert first['behind'] == pytest.approx(0.035**2, rel=0.4)
 
 
+@pytest.mark.thorough
 def test_what_is_no_part_of_a_form_is_not_searched_for():
     """Nor is a form with more to choose taken where a simpler one does as well."""
     plain = 0
@@ -627,6 +630,7 @@ def test_what_a_filter_leaves_and_what_arises_behind_it_are_found_in_few_steps(s
         0.03e-3 * np.sqrt(dt), rel=0.02)
 
 
+@pytest.mark.thorough
 def test_a_filter_begins_anew_beside_what_arises_behind_it():
     """The spectrum falls and rises again: what a filter alone makes of that is another one."""
     rng, n = np.random.default_rng(41), 60_000

@@ -151,7 +151,7 @@ def check_truth(seed):
     return state
 
 
-@pytest.mark.parametrize('seed', daily(range(8), 0, 1, 2, 3))
+@pytest.mark.parametrize('seed', daily(range(8), 0))
 def test_true_model_finds_the_truth(seed):
     check_truth(seed)
 

@@ -15,7 +15,7 @@ from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
-from params import daily
+from params import daily, seldom
 import pytest
 from scipy.fft import dct
 from scipy.signal import butter, chirp, iirnotch, iirpeak, lfilter, sosfilt
@@ -78,6 +78,7 @@ def coloured(rng, power):
     return x / np.std(x)
 
 
+@pytest.mark.thorough
 def test_some_candidates_are_fitted_without_the_others():
     """With the others after them they are what they are beside them from the first."""
     rng = np.random.default_rng(15)
@@ -310,7 +311,7 @@ def test_what_goes_off_to_one_side_is_no_shock(rings):
 
 
 @pytest.mark.parametrize('knock', daily([False, True], True))
-@pytest.mark.parametrize('dt, t0', [(DT, 0.1), (DT, 0.5), (0.04, 0.12)])
+@pytest.mark.parametrize('dt, t0', [(DT, 0.1), seldom(DT, 0.5), seldom(0.04, 0.12)])
 def test_what_settles_since_before_the_record_is_no_shock(dt, t0, knock):
     rng, t = np.random.default_rng(34), np.arange(N) * dt
     y = rng.standard_normal(N) - 40.0 * np.log1p(t / t0) if not knock \
@@ -499,7 +500,7 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
     assert not said[0] and '1 parameter less' in said[1], said
 
 
-@pytest.mark.parametrize('better, named', [(1.0, True), (8.0, False)])
+@pytest.mark.parametrize('better, named', [seldom(1.0, True), (8.0, False)])
 def test_a_filter_alone_is_named_where_it_is_as_good_as_a_knee(better, named, monkeypatch):
     """It may spend more parameters, of noise behind it and what it acts on; it has a name."""
     problem, fit = alone(SIZE * coloured(np.random.default_rng(3), 0.6), 'white', 'low_pass')
@@ -576,6 +577,7 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     assert not flexible.swept(late, filtered, 25.0)
 
 
+@pytest.mark.thorough
 def test_a_peak_on_the_path_of_a_line_that_sweeps_is_none_at_once(monkeypatch):
     """Five were found on one, one after the other, and fell together in the end."""
     rng, r = np.random.default_rng(38), 0.98
@@ -598,6 +600,7 @@ def test_what_axes_hear_faintly_over_many_octaves_is_shared():
     assert names == ['shared_noise'] and said.remaining is None, said
 
 
+@pytest.mark.thorough
 def test_axes_of_an_accelerometer_that_sways_are_heard_together():
     """Each with a part of what the gyroscope has of it; alone two of them would not show."""
     rng = np.random.default_rng(47)
@@ -757,6 +760,7 @@ def test_what_is_shared_is_noise_though_all_axes_hold_samples_at_random():
         problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
 
 
+@pytest.mark.thorough
 def test_a_filter_is_begun_where_it_is_seen_beside_a_source_that_comes_in_behind_it():
     """Beside the source other noise has bent to what the filter leaves: that is not its shape."""
     rng, n, true = np.random.default_rng(59), 40_000, 0.443 / (15 * DT)
@@ -816,6 +820,7 @@ def test_a_grid_gives_no_effect_more_than_it_holds():
     assert grid['quantization'] <= grid['rate_quantization'] * (1 + 1e-9)
 
 
+@pytest.mark.thorough
 def test_one_loud_block_is_no_change_of_variance():
     rng = np.random.default_rng(54)
     gyro = SIZE * rng.standard_normal((N, 3))
@@ -828,7 +833,7 @@ def test_one_loud_block_is_no_change_of_variance():
         assert is_one == (finding is not None and finding.gain > 20), finding
 
 
-@pytest.mark.parametrize('quiet', [False, True])
+@pytest.mark.parametrize('quiet', daily([False, True], False))
 def test_loud_blocks_are_no_stretch_if_one_between_them_is_quiet(quiet):
     """They are bursts that happen to be near each other."""
     x = SIZE * np.random.default_rng(40).standard_normal(N)
@@ -858,6 +863,7 @@ def test_bursts_here_and_there_make_no_stretches_of_what_is_between_them():
     assert of_calm == 0 and near > 0
 
 
+@pytest.mark.thorough
 def test_an_effect_gains_no_more_than_a_fit_loses_without_it():
     rng = np.random.default_rng(33)
     y = axes_with(np.zeros(N), rng)
@@ -958,6 +964,7 @@ def test_what_warms_up_together_is_no_coupling(slow):
     assert said == (flexible.COURSE_OF_AXES if slow == 'warm-up' else '')
 
 
+@pytest.mark.thorough
 def test_a_faint_band_is_begun_at_beside_what_stands_narrow_elsewhere():
     """A swing of a few cycles stands narrow, and is another effect's."""
     rng, rate, f0, width = np.random.default_rng(4), 125.0, 24.0, 0.9
@@ -1168,6 +1175,7 @@ def test_a_drift_that_is_a_ramp_beside_the_others_is_none(bend, no_more):
     assert ('than the ramp that it holds' in problem.shape(fit, 'drift', 50.0)) == no_more
 
 
+@pytest.mark.thorough
 def test_bursts_are_taken_out_before_two_levels_are_looked_for():
     """They are short stays at another level: 74 nats said so of a filter's noise between them."""
     rng = np.random.default_rng(6)
@@ -1179,6 +1187,7 @@ def test_bursts_are_taken_out_before_two_levels_are_looked_for():
     assert np.max(np.abs(kept['means_1'])) < 6 * np.std(kept['means_1'])
 
 
+@pytest.mark.thorough
 def test_where_a_response_was_left_open_a_filter_is_looked_for_in_all_of_the_spectrum(monkeypatch):
     """What the smaller model explained with that says nothing of where the filter shows."""
     rng, n, rate = np.random.default_rng(60), 46_000, 200.0
@@ -1216,6 +1225,7 @@ def test_of_two_peaks_of_one_shape_the_weaker_falls_whichever_was_found_first(fi
     assert [bool(x) for x in said] == [first, not first]
 
 
+@pytest.mark.thorough
 def test_a_peak_explains_what_it_does_where_the_fit_without_it_rests_on_every_bin(monkeypatch):
     """A fit that sets a band aside misses it by any amount, of which a little is much."""
     rng, n = np.random.default_rng([4, 0]), 9400

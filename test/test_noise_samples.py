@@ -10,7 +10,7 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from params import daily
+from params import daily, seldom
 import pytest
 from scipy.signal import butter, lfilter
 from scipy.special import ndtr
@@ -107,7 +107,8 @@ def test_the_size_of_the_noise_is_that_without_outliers():
     assert robust_sigma(y) == pytest.approx(1, abs=0.02) and np.std(np.diff(y)) > 2
 
 
-@pytest.mark.parametrize('step, shows', [(0.0, False), (0.3, False), (0.7, True), (2.0, True)])
+@pytest.mark.parametrize('step, shows', [
+    seldom(0.0, False), (0.3, False), (0.7, True), seldom(2.0, True)])
 def test_levels_are_a_view_of_their_own_until_they_are_in_the_model(step, shows):
     """Rounded, the spectrum stays white: nothing but the levels shows it."""
     y = step * np.round(noise(8) / step) if step else noise(8)
@@ -452,7 +453,7 @@ def test_rates_that_were_rounded_each_by_itself_are_no_counts(sigma, share, mean
     assert len(colour_of_turns(*turns_of_counts(y, 1.0))) == 1
 
 
-@pytest.mark.parametrize('mean', [0.0, 0.2])
+@pytest.mark.parametrize('mean', daily([0.0, 0.2], 0.2))
 def test_counts_behind_an_average_have_the_power_and_the_allan_variance_of_their_colour(mean):
     dt, m = 0.01, np.array([1, 2, 5, 20])
     y, error = counted(0.35, 13, mean)
@@ -510,7 +511,7 @@ def test_spikes_are_found_and_taken_out(background):
     assert np.array_equal(np.delete(clean, index), np.delete(spiked, index))
 
 
-@pytest.mark.parametrize('apart', [200, 270, 400])
+@pytest.mark.parametrize('apart', daily([200, 270, 400], 270))
 @pytest.mark.parametrize('begin', [60, 900])
 def test_one_knock_soon_after_another_leaves_nothing_of_it(begin, apart):
     """In place of the second there was the noise before it, mirrored: the first one."""
@@ -594,7 +595,7 @@ def test_what_moves_at_an_end_is_no_spike_there(course):
     assert not len(index)
 
 
-@pytest.mark.parametrize('cutoff', [0.05, 0.2])
+@pytest.mark.parametrize('cutoff', daily([0.05, 0.2], 0.2))
 def test_behind_a_filter_the_ends_are_no_spikes(cutoff):
     """Beside neighbours on one side alone smooth noise stands out."""
     b, a = butter(4, cutoff)
@@ -610,7 +611,7 @@ def test_a_spike_that_was_held_is_taken_out_whole():
     assert list(index) == [500, 501, 502, 503] and np.max(np.abs(clean)) < 6
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', daily(range(3), 1))
 def test_a_knock_that_is_gone_within_a_tenth_of_a_second_is_a_shock(seed):
     """Taken for single spikes, what rings on beside them would stay."""
     y, t = noise([12, seed]), np.arange(15)
@@ -623,7 +624,8 @@ def test_a_knock_that_is_gone_within_a_tenth_of_a_second_is_a_shock(seed):
     assert np.max(np.abs(SHOCK.screen(y, kept, inputs))) < 6
 
 
-@pytest.mark.parametrize('seed', daily([1, 2], 1))
+@pytest.mark.thorough
+@pytest.mark.parametrize('seed', [1, 2])
 def test_the_crests_of_swings_are_no_shocks(seed):
     """A band of slow noise far above the white: blocks of one swing are loud together."""
     rng = np.random.default_rng(seed)
@@ -673,8 +675,8 @@ def test_noise_whose_loudness_wanders_has_no_shocks(memory):
     assert shocks <= 1
 
 
-@pytest.mark.parametrize('length', [4, 8, 16])
-@pytest.mark.parametrize('count', [3, 10])
+@pytest.mark.parametrize('length', daily([4, 8, 16], 8))
+@pytest.mark.parametrize('count', daily([3, 10], 3))
 def test_bursts_of_spikes_are_no_shocks(length, count):
     rng = np.random.default_rng([25, length, count])
     y = noise(rng)
@@ -683,7 +685,7 @@ def test_bursts_of_spikes_are_no_shocks(length, count):
     assert not SHOCK.statistics(y, Inputs(np.arange(N) * 0.01, 0.01))
 
 
-@pytest.mark.parametrize('signs', ['any', 'by turns'])
+@pytest.mark.parametrize('signs', daily(['any', 'by turns'], 'any'))
 def test_samples_that_go_up_and_down_by_turns_are_no_burst_of_spikes(signs):
     """A knock near half the sample rate is too short for a shock's shape."""
     said = 0
@@ -696,7 +698,7 @@ def test_samples_that_go_up_and_down_by_turns_are_no_burst_of_spikes(signs):
     assert said == (0 if signs == 'any' else 20)
 
 
-@pytest.mark.parametrize('size, decay', [(5, 100), (10, 30), (100, 5)])
+@pytest.mark.parametrize('size, decay', [seldom(5, 100), (10, 30), seldom(100, 5)])
 @pytest.mark.parametrize('swells', [False, True])
 def test_what_dies_out_is_a_shock_and_so_is_what_swells_before(size, decay, swells):
     """No form is that of all shocks; what speaks against one is a level."""
@@ -765,7 +767,7 @@ def test_a_line_goes_on_through_what_is_loud():
         assert np.std((out - line)[i:i + 100]) < 1.5
 
 
-@pytest.mark.parametrize('share', [0.001, 0.01, 0.03])
+@pytest.mark.parametrize('share', daily([0.001, 0.01, 0.03], 0.03))
 def test_spikes_are_no_shocks_however_many(share):
     y = noise(14)
     y = y + 40 * np.random.default_rng(15).standard_normal(N) * (
@@ -892,7 +894,7 @@ def test_each_value_of_a_slower_sensor_is_taken_once(rate, step, axes, drift, la
     assert np.mean(seen.record.column('gyro_x') == x[taken, 0]) == 1
 
 
-@pytest.mark.parametrize('evenly', [False, True])
+@pytest.mark.parametrize('evenly', daily([False, True], True))
 def test_the_images_of_lines_behind_a_slower_clock_are_no_lines(evenly):
     """More than a table holds of a strong line, whichever clock says when it was measured."""
     rng, n, dt, rate = np.random.default_rng(19), 60_000, 0.01, 0.5811
@@ -970,7 +972,7 @@ def test_behind_a_filter_samples_are_no_spikes_where_those_between_were_held(see
 
 
 @pytest.mark.parametrize('what, told', [('messages', True), ('one axis', False), ('rest', False)])
-@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('seed', daily(range(2), 0))
 def test_messages_sent_twice_are_told_by_all_axes_where_rounding_makes_one_equal(
         what, told, seed):
     """Of one axis they are lost in what chance makes equal; at rest that makes more of them so."""

@@ -72,6 +72,7 @@ def placed(rng, c, level, nats):
     return c
 
 
+@pytest.mark.thorough
 def test_a_faint_line_of_a_short_record_is_not_lost_for_what_is_not_known_of_its_level():
     """A nat and a half above what is asked beside three strong ones; most were lost before."""
     n, found, more = 9000, 0, 0

@@ -111,6 +111,7 @@ def test_what_sways_by_itself_follows_no_temperature(kind):
         assert course_of(slow, t, own) is None
 
 
+@pytest.mark.thorough
 def test_a_line_that_was_taken_out_of_an_axis_is_not_put_back_by_a_course():
     """Others swing with it as they follow the temperature, and told alone it is no part of it."""
     t = np.arange(2400) * 0.25

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import json
 import os
 from pathlib import Path
@@ -27,6 +28,7 @@ def python_files(root: Path) -> list[Path]:
     return [root / 'setup.py', *(p for top in SOURCES for p in sorted((root / top).rglob('*.py')))]
 
 
+@functools.cache
 def setup_arguments(root: Path) -> dict:
     """Return the arguments that setup.py gives to setup()."""
     code = ('import setuptools, json, runpy\n'

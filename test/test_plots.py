@@ -180,6 +180,7 @@ def test_variance_of_several_means():
     np.testing.assert_allclose(curves.curves(state).model[e.m > 4 * length], true ** 2, rtol=0.02)
 
 
+@pytest.mark.thorough
 def test_variance_of_couplings_that_hold_the_same():
     """What shakes an accelerometer shakes another axis too: shares of both are one."""
     some = record(seed=5)
@@ -346,7 +347,7 @@ def alone_unless_coupled(some, name):
 
 
 @pytest.mark.parametrize(
-    'name', daily((n for n in KNOWN if n != 'white'), 'sinusoid', 'rts', 'variance_change'))
+    'name', daily((n for n in KNOWN if n != 'white'), 'sinusoid'))
 def test_every_effect_can_be_drawn(name):
     """One that a record cannot show as well; without any warning."""
     some = record([KNOWN[name].example()], n=10000)

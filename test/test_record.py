@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import bad_input
 import numpy as np
+from params import daily
 import pytest
 
 from imu_noise_tools.bag import open_record
@@ -389,7 +390,7 @@ def test_health_never_refuses():
         assert examine(bad).samples == bad.n
 
 
-@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('seed', daily(range(20), *range(5)))
 def test_clipping_is_not_seen_where_there_is_none(seed):
     """Noise, coarse or fine, is not taken for clipping."""
     r = record_of(seed=seed)

@@ -12,6 +12,7 @@ import sys
 
 import bad_input
 import numpy as np
+from params import daily
 import pytest
 import zstandard
 
@@ -153,7 +154,7 @@ def test_nothing_left_after_success_and_error(place):
     assert left(place) == {'x.mcap.study'}
 
 
-@pytest.mark.parametrize('where', ['_cross_powers', 'whitened'])
+@pytest.mark.parametrize('where', daily(['_cross_powers', 'whitened'], 'whitened'))
 def test_nothing_left_after_ctrl_c(where, place):
     """Ctrl-C within the work leaves nothing, and the status of a Ctrl-C."""
     process = start(place, 'analyse', 'x.mcap', stop=where)

@@ -171,6 +171,7 @@ def test_evidence_keeps_every_array(study):
     assert fit(back['gyro_x'], model).estimates == fit(found['gyro_x'], model).estimates
 
 
+@pytest.mark.thorough
 def test_evidence_is_small():
     """Three axes of a long record: what is kept hardly grows with its length."""
     n = 400_000

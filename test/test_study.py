@@ -101,6 +101,7 @@ def test_the_chance_level_is_honest():
         assert abs(np.mean(off)) < 1.5 and np.all(np.abs(off) < 6), name
 
 
+@pytest.mark.thorough
 def test_order_does_not_matter():
     one, other = begin('white', 'flicker'), begin('white', 'random_walk')
     one.add(['random_walk'])
