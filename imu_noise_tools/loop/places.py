@@ -24,7 +24,7 @@ class Place:
     candidates: tuple[Finding, ...]
 
 
-def _place(model: Model, fit: Fit, found: Iterable[Finding]) -> Place:
+def _place(model: Model, fit: Fit[Any], found: Iterable[Finding]) -> Place:
     """Return a place with its candidates, what gains most beyond chance first."""
     some = (f for f in found if f.effect is not None)
     return Place(model, fit, tuple(sorted(some, key=lambda f: -surplus(f))))

@@ -153,10 +153,11 @@ class Search:
         Noise is stretched over both, and what one of them leaves stands out the more: of two
         steps, up and down again, or of a step beside a swing. The first of two of a kind may gain
         little by itself; then the second must gain what it lacks, and both pay once for being
-        believed. Of others only the best of each sort is tried first. A spectrum with one of two has a lower floor, above which the other
-        stands out the more; so has its slow end, above which a mean does. Two that bend it to and
-        fro may gain nothing each: where nothing stands out they are tried all the same; nor does
-        a bound speak against the first of two there, at which the other one may hold it.
+        believed. Of others only the best of each sort is tried first. A spectrum with one of two
+        has a lower floor, above which the other stands out the more; so has its slow end, above
+        which a mean does. Two that bend it to and fro may gain nothing each: where nothing stands
+        out they are tried all the same; nor does a bound speak against the first of two there, at
+        which the other one may hold it.
 
         """
         before, asked = self.places.model_of(members), set[bool]()

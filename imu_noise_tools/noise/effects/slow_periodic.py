@@ -37,7 +37,7 @@ class SlowPeriodic(Mean):
     )
     reference = 'IEEE 952 C.1.7 (sinusoidal noise), below the frequencies at which lines are found'
     several = True
-    most = 3    # with two harmonics each these have more shapes than the smooth form without a name
+    most = 3    # with two harmonics each these bend more than the smooth form without a name does
     decide = 'record over several of its periods, the temperature too where it is not there yet'
     parameters = (
         *(
