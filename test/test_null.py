@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 import sys
 
@@ -21,7 +22,21 @@ from imu_noise_tools.noise.kinds import Line  # noqa: E402
 
 
 def test_the_table_is_as_new_as_the_code():
-    assert null.SOURCES == bench.source_hash(), 'run: python bench/null.py --write'
+    assert null.SOURCES == bench.source_hash(), 'run: python bench/null.py --carry'
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('row', bench.SAMPLED.read_text().splitlines()[::2])
+def test_what_gains_by_chance_gains_what_it_did(row):
+    """The hash of the code may be carried on only where this holds."""
+    old = json.loads(row)
+    assert bench.moved(old, bench.one(old['seed'])) == []
+
+
+def test_a_gain_that_moves_is_told():
+    old = {'seed': 3, 'gains': [{'step': 2.0, 'rts': 1.0}, {}]}
+    assert bench.moved(old, {'seed': 3, 'gains': [{'step': 2.3}, {'rts': -4.0}]}) == [
+        'rts: 1.00, now 0.00 (record 3, axis 0)']
 
 
 def test_no_effect_of_the_package_falls_back_on_the_default():

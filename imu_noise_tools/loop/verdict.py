@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-#: probability from which one effect is named (DESIGN, the verdict)
+#: probability from which one effect is named (doc/theory/loop.md)
 SURE = 0.9
 #: share of the probability from which another one is a rival
 RIVAL = 0.02
