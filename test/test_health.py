@@ -146,6 +146,25 @@ def test_stamps_that_scatter_by_more_than_an_interval_set_no_clock(late):
     assert back.t[-1] == pytest.approx(599.99, abs=0.02) and 'set back' in back.warnings[-1]
 
 
+@pytest.mark.parametrize('ahead', [2.0, 86_400.0])
+@pytest.mark.parametrize('lost', [0, 700])
+def test_a_clock_that_is_set_ahead_loses_nothing_that_was_received(ahead, lost):
+    """A reset or NTP moves the stamps; what the receiver missed as well was lost."""
+    rng = np.random.default_rng(10)
+    t = np.delete(np.arange(20_000) / 100, np.arange(10_000, 10_000 + lost))
+    received = t + 0.002 + rng.exponential(0.001, len(t))
+    stalled = np.where((t > 150) & (t < 153), 153.0, received)      # nothing was read for a while
+    stamps = t + ahead * (np.arange(len(t)) >= 10_000)
+    record = ImuRecord(rng.standard_normal((len(t), 3)), None, stamps, 100.0, receive_t=stalled)
+    put_right = ordered(record)
+    assert put_right.t == pytest.approx(t, abs=0.02) and 'set ahead 1' in put_right.warnings[-1]
+    found = examine(record)
+    assert (found.ahead, found.missing) == (1, lost) and 'set ahead 1 time' in str(found.advice)
+    # without receive times, or where they have the gap too, it is one
+    for seen in (None, stalled + ahead * (np.arange(len(t)) >= 10_000)):
+        assert examine(replace(record, receive_t=seen)).missing == round(100 * ahead) + lost
+
+
 def test_samples_that_overtook_each_other_are_put_in_order():
     rng = np.random.default_rng(9)
     order = np.argsort(np.arange(30_000) + rng.uniform(0, 3, 30_000))

@@ -158,7 +158,9 @@ def _health(found) -> list[str]:
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
     jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
-    line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, jitter {jitter}')
+    ahead = f'set ahead {h.ahead} time(s), ' if h.ahead else ''
+    line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, {ahead}jitter '
+                   f'{jitter}')
     if h.received:
         line('receive times', PATTERNS[h.received])
     line('not finite', h.not_finite)

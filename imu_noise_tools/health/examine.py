@@ -68,6 +68,7 @@ class Health:
     missing: int
     duplicates: int
     backward: int
+    ahead: int                          # forward jumps of the stamps that the receive times lack
     jitter_s: float | None              # scatter of the stamps about an even clock
     stamps: str                         # what they look like, a key of core.clock.PATTERNS
     received: str                       # the same of the receive times; empty: none
@@ -146,6 +147,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         clock_drift_ppm=drift,
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward,
+        ahead=stamps.ahead,
         **_clock_fields(tidy, clock, _receive_clock(record)),
         not_finite=not_finite,
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
@@ -267,6 +269,9 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
             'the clock.'
         )
+    if h.ahead:
+        say.append(f'The clock of the stamps was set ahead {_count(h.ahead, "time")}, which the '
+                   'receive times do not show: later samples follow on.')
     say += [*_stamp_advice(h), *_sample_advice(record, h)]
     if h.warm_up:
         say.append(

@@ -15,6 +15,8 @@ from ..core.record import ImuRecord, Memory
 SWAPPED_S = 2.0         # messages overtake each other by no more, s
 SCATTERED = 0.01        # share of stamps that fall from which on no clock is set back so often
 REACH = 20.0            # times as far as usual a stamp that scatters falls at most
+AHEAD_S = 1.0           # a step of stamps that is so much longer than that of the receive times, s
+BESIDE = 20             # samples on either side, between which such a step has to stay
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Stamps:
     duplicate: int          # same stamp, other data
     backward: int           # stamps before that of the sample before
     swapped: bool           # sorting by stamp puts the backward ones right
+    ahead: int              # forward jumps that the receive times do not have
 
 
 def examine_stamps(record: ImuRecord) -> Stamps:
@@ -36,7 +39,7 @@ def examine_stamps(record: ImuRecord) -> Stamps:
     repeated = sum(_equal(record, k) for k in same.tolist()) if len(same) < 100_000 else 0
     backward = int(np.sum(step < 0))
     return Stamps(record.n - len(t), repeated, len(same) - repeated, backward,
-                  backward > 0 and _swapped(t))
+                  backward > 0 and _swapped(t), len(_set_ahead(record)))
 
 
 def _swapped(t: np.ndarray) -> bool:
@@ -87,6 +90,11 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         said.append(
             f'{found.backward} backward stamp(s): the clock was set back, later samples follow on'
         )
+    leaps = _set_ahead(record)
+    if len(leaps):
+        record = replace(record, t=_as_received(record, leaps))
+        said.append(f'the clock was set ahead {len(leaps)} time(s), which the receive times do '
+                    'not show: later samples follow on')
     if found.repeated:
         step = np.diff(record.t)
         twice = [k + 1 for k in np.flatnonzero(step == 0).tolist() if _equal(record, k)]
@@ -99,6 +107,36 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
             f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
         )
     return record.warned(*said)
+
+
+def _set_ahead(record: ImuRecord) -> np.ndarray:
+    """
+    Return the samples (k,) after which the clock of the stamps was set ahead.
+
+    A gap takes as long for the receiver; what only comes late falls back by it later.
+
+    """
+    t, received = record.t, record.receive_t
+    if received is None:
+        return np.zeros(0, int)
+    late = t - received
+    leaps = np.flatnonzero(np.diff(late) > AHEAD_S)
+    stays = [np.median(late[k + 1:k + 1 + BESIDE]) - np.median(late[max(k + 1 - BESIDE, 0):k + 1])
+             > 0.5 * (late[k + 1] - late[k]) for k in leaps.tolist()]
+    return leaps[np.array(stays, bool)]
+
+
+def _as_received(record: ImuRecord, leaps: np.ndarray) -> np.ndarray:
+    """Return stamps whose leaps are as many regular steps as the receive times say."""
+    assert record.receive_t is not None
+    t = record.t.copy()
+    rate = regular_rate(t)
+    if rate is None:
+        return t
+    for k in leaps.tolist():
+        steps = max(1, round(float(record.receive_t[k + 1] - record.receive_t[k]) * rate))
+        t[k + 1:] -= t[k + 1] - t[k] - steps / rate
+    return t
 
 
 def _held(t: np.ndarray) -> np.ndarray:
