@@ -134,8 +134,8 @@ def _certain(model: Model, label: str) -> bool:
     return any(e.label == label and e.in_every_sensor for e in model.of(Spectrum))
 
 
-def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, linear: Linear,
-              reddest: int | None) -> tuple[Estimates, list[str]]:
+def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray,
+              linear: Linear) -> tuple[Estimates, list[str]]:
     """Return profile-likelihood intervals, upper limits and flags."""
     out = _linear_estimates(likelihood, linear)
     flags: list[str] = []
