@@ -19,7 +19,7 @@ from .kinds import Modulation
 from .sweep import Sweep
 from ..loop.effect import Model
 
-BLOCKS = 1.5    # of power in time, by which a path may be off
+BLOCKS = 1.5    # of power in time: half the width of what counts as the path of a line
 
 
 def gained_beside(evidence: Evidence, model: Model, effect: Modulation, sweep: Sweep) -> float:
