@@ -17,7 +17,7 @@ from typing import cast, NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from . import views
-from .coupled import heard_at, is_none
+from .coupled import heard_at, why_no_coupling
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
@@ -288,7 +288,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=bound or added.part_of(more.model)
         or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
-        or (is_none(evidence, more, label) if isinstance(effect, Coupling) else '')
+        or (why_no_coupling(evidence, more, label) if isinstance(effect, Coupling) else '')
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
         shapes=_shapes(effect, more.estimates[label]),
@@ -486,8 +486,8 @@ def _unlikely(fit: Fit) -> float:
 
     """
     share = {k: np.max(s / fit.details.v) for k, s in fit.details.each.items()}
-    certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
-    return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in certain)
+    there = [e.label for e in fit.model.of(Spectrum) if e.never_absent]
+    return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in there)
 
 
 def _refitted(evidence, fit, effect):

@@ -25,7 +25,7 @@ NARROW = 2.0    # times: where that is no wider than an octave one source swings
 LIKE = 0.25
 
 
-def is_none(evidence: Evidence, fit: Fit, label: str) -> str:
+def why_no_coupling(evidence: Evidence, fit: Fit, label: str) -> str:
     """Say why what a coupling of a model explains is no coupling of the sensor, or nothing."""
     effect = cast(Coupling, fit.model[label])
     return at_one_frequency(evidence, fit, label) or effect.motion(evidence, fit)

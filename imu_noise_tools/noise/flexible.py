@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from . import views
-from .coupled import is_none
+from .coupled import why_no_coupling
 from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
@@ -207,7 +207,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect, claimed = cast(NoiseEffect, fit.model[label]), claim
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
-        return is_none(evidence, fit, label) or _coupled_otherwise(
+        return why_no_coupling(evidence, fit, label) or _coupled_otherwise(
             evidence, fit, effect, claim) or swept(evidence, effect, claim)
     against = effect.otherwise(evidence, fit, claim)
     if against:
@@ -392,7 +392,7 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
-    if not effect.normal:
+    if not effect.must_be_normal:
         differences = differences_of(octaves_of(evidence, fit, effect))
         return COURSE_OF_AXES if _happens_once(differences) else ''
     against = _not_normal(evidence, fit, effect, claim)
@@ -453,7 +453,7 @@ def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
 
 def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim: float) -> str:
     """Say that what an effect explains is no normal noise, where it is to be."""
-    if not effect.normal:
+    if not effect.must_be_normal:
         return ''
     octaves = octaves_of(evidence, fit, effect)
     differences = differences_of(octaves)
@@ -583,7 +583,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
              for e in fit.model.of(NoiseEffect) if e.label in spent}
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
-    plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
+    plain = [e for e in left if not isinstance(e, Spectrum) or e.never_absent]
     # and filters may be there for no more than to bend others to its form
     filters = [e for e in plain if isinstance(e, Response) and not isinstance(e, MEASURED)]
     bare = [e for e in plain if e not in filters]
@@ -716,7 +716,7 @@ def _with_noise_for(evidence: Evidence, fit: Fit, some: list[NoiseEffect]) -> np
 
 def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.ndarray:
     """Return the steepness of a knee in the place of drift, and what means gain beside it."""
-    plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
+    plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.never_absent]
     rival = _with_a_knee(evidence, fit, plain)
     # effects that stand for a knee hold it where it leaves them what they explain
     alone = _with_a_knee(evidence, fit, [e for e in plain if not isinstance(e, Mean)])

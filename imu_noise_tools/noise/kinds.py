@@ -121,11 +121,11 @@ class NoiseEffect(Effect):
     #: whether it is measured on all that was read: of a slower sensor, repeats too
     of_readings: ClassVar[bool] = False
     #: whether no sensor is without it: a fit that leaves nothing of it pays for that
-    in_every_sensor: ClassVar[bool] = False
+    never_absent: ClassVar[bool] = False
     #: whether it moves a mean by where that lies between two steps of the output, as rounding does
     moves_means: ClassVar[bool] = False
     #: whether it is believed only if what it explains is Gaussian on every time scale
-    normal: ClassVar[bool] = False
+    must_be_normal: ClassVar[bool] = False
     #: whether it bends to any form: all of its parameters are priced, so that a form as good wins
     free: ClassVar[bool] = False
     #: whether it may bend the spectrum over decades: it falls if a knee of any steepness does more

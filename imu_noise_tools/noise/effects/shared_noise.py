@@ -30,7 +30,7 @@ class SharedNoise(Coupling):
         'there; if it stays it is electrical.'
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
-    normal = True
+    must_be_normal = True
     yields = True   # a step of all axes is no noise that they share
     needs = 'analyse a record with all axes of the sensor'
     decide = 'record on a heavy base, on another supply'
