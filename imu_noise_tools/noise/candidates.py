@@ -67,7 +67,7 @@ JUMPS = 0.5
 # times as far as levels are apart: a mean that changes by less is one of their dwells (a choice)
 FURTHER = 1.5
 # of so many parts of a record: jumps within one are at the same time
-BLOCKS = 256
+JUMP_BLOCKS = 256
 # nats: the odds, 100 to 1 (a choice), against a sensor that lacks what every sensor has
 ABSENT = float(np.log(100.0))
 
@@ -317,7 +317,7 @@ def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     for one in model.of(Spectrum):
         if far < FURTHER * one.jumps and one.path(evidence) is None:
             return f'it is {far / one.jumps:.2g} of the jumps to and fro: {one.title}'
-    near = 1 + len(jumps) // BLOCKS
+    near = 1 + len(jumps) // JUMP_BLOCKS
     for other in (e() for e in registry('noise').values() if issubclass(e, Spectrum)):
         path = None if other.name in model else other.path(evidence)
         if path is None:

@@ -31,7 +31,7 @@ from .kinds import (
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, told_by_gains
 from .nonlinear import follows_a_law
-from .sweep import on_one_path, PARTS as SWEPT, Sweep
+from .sweep import on_one_path, SHORTEST_SHARE, Sweep
 from .together import unlike_noise
 from .unswept import gained_beside
 from ..core.linear import inverse, SILENT
@@ -506,7 +506,7 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     part, sure = 1.0, FLEXIBLE
     low, high = sorted((sweep.first, sweep.last))
     if isinstance(effect, Coupling):
-        part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
+        part, sure = max((sweep.end - sweep.begin) / evidence.duration, SHORTEST_SHARE), DIRECTED
     elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
