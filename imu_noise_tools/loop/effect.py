@@ -173,8 +173,9 @@ class Effect:
     # does it lower the fitted floor, so that others of these, and paired ones, become visible?
     # they are tried in pairs with it
     uncovers: ClassVar[bool] = False
-    # may what it explains be what a paired one does on several targets? that is tried before it
-    yields: ClassVar[bool] = False
+    # what a paired one does on several targets, in words, where what it explains may be that: the
+    # paired one is tried before it; empty: nothing
+    yields: ClassVar[str] = ''
     # is it in nearly every sensor? then it pays less to be believed
     common: ClassVar[bool] = False
     # if its form is refuted, is the misfit real all the same? later candidates may not claim it

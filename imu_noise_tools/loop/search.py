@@ -141,8 +141,9 @@ class Search:
                                            if place.candidates else
                                            not self.against.unlowered(here, more, f)[1])
             if not there:
-                self.refuted[name] = replace(f, against='beside what several axes have in the '
-                                             'mean it explains nothing')
+                assert f.effect is not None
+                self.refuted[name] = replace(
+                    f, against=f'beside {f.effect.yields} it explains nothing')
                 self.scores = {k: v for k, v in self.scores.items() if name not in k}
                 self._beside.setdefault(name, frozenset(self.places.labels_of(members)))
 

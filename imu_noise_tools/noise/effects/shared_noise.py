@@ -31,7 +31,7 @@ class SharedNoise(Coupling):
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
     must_be_normal = True
-    yields = True   # a step of all axes is no noise that they share
+    yields = 'what several axes have in the mean'   # a step of them is no noise that they share
     needs = 'analyse a record with all axes of the sensor'
     decide = 'record on a heavy base, on another supply'
     parameters = (
