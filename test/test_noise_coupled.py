@@ -14,7 +14,7 @@ from scipy.signal import iirpeak, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of
-from imu_noise_tools.noise.coupled import heard_at, is_none
+from imu_noise_tools.noise.coupled import heard_at, why_no_coupling
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
@@ -52,7 +52,7 @@ def fitted(record, coupling):
 
 
 def said_of(record, coupling):
-    return is_none(*fitted(record, coupling))
+    return why_no_coupling(*fitted(record, coupling))
 
 
 @pytest.mark.thorough
@@ -69,7 +69,7 @@ def test_what_a_resonance_shakes_tells_a_coupling(f, q):
     moves = sway(rng, f, q)
     some = fitted(record_of(rng, 3e-3 * moves @ rng.standard_normal((3, 3)), 0.1 * moves),
                   'accel_coupling')
-    assert not is_none(*some)
+    assert not why_no_coupling(*some)
     start = r'around (\S+) Hz, .*: as a machine' if q > 10 else r'most of it between (\S+)'
     words = re.match(start, heard_at(*some))
     assert words and float(words[1]) == pytest.approx(f, rel=0.2 if q > 10 else 0.8)

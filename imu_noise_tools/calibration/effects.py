@@ -27,7 +27,19 @@ def _named(symbol: str, unit_: str, indices=('x', 'y', 'z'), title: str = '') ->
                            title=title and f'{title} {k}') for k in indices)
 
 
-class Regressor(Effect):
+class CalibrationEffect(Effect):
+    """Base of every effect of a calibration."""
+
+    domain: ClassVar[str] = 'calibration'
+    sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
+    needs: ClassVar[str] = ''           # the poses that show it
+
+    def why_not(self, poses: Poses) -> str:
+        """Return why these poses say nothing about it, or an empty string."""
+        return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
+
+
+class Regressor(CalibrationEffect):
     """
     An effect that adds rows to the regressor I, and so columns to G = O I' (I I')^-1.
 
@@ -39,11 +51,8 @@ class Regressor(Effect):
 
     """
 
-    domain: ClassVar[str] = 'calibration'
     feeds: ClassVar[np.ndarray | None] = None
     at_input: ClassVar[bool] = False
-    sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
-    needs: ClassVar[str] = ''           # the poses that show it
     #: whether it belongs to the session alone: fitted, and not taken out of other records
     passing: ClassVar[bool] = False
     #: whether S and bias hold at the reference temperature with it, and at no other
@@ -66,10 +75,6 @@ class Regressor(Effect):
         """Return the values to be tried of the parameter with which it is placed, rising."""
         return np.zeros(0)
 
-    def why_not(self, poses: Poses) -> str:
-        """Return why these poses say nothing about it, or an empty string."""
-        return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
-
     def terms(self, poses: Poses, scale: np.ndarray) -> np.ndarray:
         """Return the change of the outputs by each parameter, (3, n, parameters); scale: S."""
         rows = np.atleast_2d(self.columns(poses)) * poses.amount
@@ -81,12 +86,9 @@ class Regressor(Effect):
         return np.einsum('ij,jnk->ink', scale, out) if self.at_input else out
 
 
-class Scatter(Effect):
+class Scatter(CalibrationEffect):
     """An effect with no fixed course: it makes poses scatter, one amplitude."""
 
-    domain: ClassVar[str] = 'calibration'
-    sensors: ClassVar[tuple[str, ...]] = ('accel', 'gyro')
-    needs: ClassVar[str] = ''
     #: whether its amplitude stands in place of the tilt of the faces that was stated
     tilts: ClassVar[bool] = False
 
@@ -102,10 +104,6 @@ class Scatter(Effect):
     def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
         """Return the covariance of each pose's outputs, (n, 3, 3)."""
         raise NotImplementedError
-
-    def why_not(self, poses: Poses) -> str:
-        """Return why these poses say nothing about it, or an empty string."""
-        return '' if poses.sensor in self.sensors else f'not an effect of {poses.sensor}'
 
 
 class Scale(Regressor):

@@ -165,7 +165,7 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     _refuse_failure(fit, poses, method)
     notes += [f'{face} was held {k} times: averaged' for face,
               k in counted(poses.names).items() if k > 1]
-    return stated(problem, fit, notes, _doubts(fit, poses, method, tilt))
+    return stated(problem, fit, notes, _doubts(fit, method, tilt))
 
 
 def stated(
@@ -342,7 +342,7 @@ def _refuse_failure(fit: Fit, poses: Poses, method: str) -> None:
                        + 'the unit of the gyroscope and the sample rate')
 
 
-def _doubts(fit: Fit, poses: Poses, method: str, tilt: float) -> list[str]:
+def _doubts(fit: Fit, method: str, tilt: float) -> list[str]:
     """Return warnings: off the faces, chi-squared, badly conditioned."""
     said = list(fit.flags)
     x2, dof = fit.details.chi2, fit.details.dof

@@ -139,7 +139,7 @@ class TurnsProblem(CalibrationProblem):
         if not self._last or self._last[0] is not fit:     # all candidates of a fit in a row
             self._last[:] = fit, _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
         at = self._last[1]
-        return _rows(self.data, fit.details.equations.whitener,
+        return _rows(fit.details.equations.whitener,
                      sums(self.data, at.rotation, at.scale, effect.terms(at.samples, at.scale)),
                      effect.terms(self.data.rests, at.scale))
 
@@ -261,7 +261,7 @@ def _as_poses(turns: Turns) -> Poses:
     return joined([turned, turns.rests])
 
 
-def _rows(turns, whitener, of_turns, of_rests):
+def _rows(whitener, of_turns, of_rests):
     """Return whitened rows of terms of turns (n, 3, k) and rests (3, rests, k)."""
     rests = of_rests.transpose(1, 0, 2)
     return np.concatenate([w @ m for w, m in zip(whitener, [*of_turns, *rests])])
@@ -273,7 +273,7 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
         if why:
             raise FitError(f'{e.name}: {why}', e.needs or 'leave it out')
     keys = keys_of(model, False)
-    theta = _begun(model, turns, keys)
+    theta = _begun(turns, keys)
     scatter = np.zeros(2)
     for _ in range(_ROUNDS):
         system, at = _equations(model, turns, keys, theta, scatter)
@@ -306,7 +306,7 @@ def _hidden(turns, keys) -> np.ndarray:
     return np.diag([least.get(key, 0.0) for key in keys])
 
 
-def _begun(model, turns, keys):
+def _begun(turns, keys):
     """Return the coefficients to start from: the identity, and the bias seen at rest."""
     start = {('bias', f'b_{k}'): v for k, v in zip('xyz', np.median(turns.rests.outputs, axis=1))}
     return np.array([1.0 if (label, name) in {('scale', f'S_{2 * k}') for k in 'xyz'}
@@ -324,7 +324,7 @@ def _equations(model, turns, keys, theta, scatter):
     rest = 1 / np.sqrt(turns.rests.std.T ** 2 + scatter[1] ** 2)
     whitener = [*(basis / size[:, None, None]), *(np.eye(3) * rest[:, None, :])]
     of_rests = terms_of(model, turns.rests, at.scale, False)
-    matrix = _rows(turns, whitener, at.change, of_rests)
+    matrix = _rows(whitener, at.change, of_rests)
     # what the present values explain, less by how much they miss
     right = [w @ (c @ theta - m) for w, c, m in zip(whitener, at.change, miss)]
     right += [w @ o for w, o in zip(whitener[turns.n:], turns.rests.outputs.T)]

@@ -364,6 +364,7 @@ def export(args: argparse.Namespace) -> int:
     from .. import export as exports, store
     from ..core import files
     from ..core.errors import InputError, unknown, UsageError
+    from ..loop.domains import package
 
     if args.list:
         return _list_formats(args, exports.descriptions())
@@ -380,7 +381,7 @@ def export(args: argparse.Namespace) -> int:
     if args.horizon is not None and not args.horizon > 0:
         raise UsageError(f'invalid --horizon {args.horizon:g}', 'it must be above zero (seconds)')
     study = _of_fleet(args) or store.load(args.dir)
-    if study.domain != 'noise':
+    if not package(study.domain).NUMBERS:
         raise InputError(
             f'{args.dir}: a {study.domain} study has no noise densities',
             'name the study that analyse wrote',

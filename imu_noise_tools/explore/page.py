@@ -27,6 +27,7 @@ from .session import Session
 from .widgets import loud, Plot, press, quiet
 from .. import export
 from ..core.errors import ImuNoiseError
+from ..loop.domains import package
 from ..loop.effect import registry
 from ..plots.panel import Stretch
 from ..report import words
@@ -301,7 +302,7 @@ class Page:
             self._draw_failing(state)
         if self._changed('export', self.study.domain):
             self._export.clear()
-            if self.study.domain == 'noise':
+            if package(self.study.domain).NUMBERS:
                 with self._export:
                     self._draw_export()
 

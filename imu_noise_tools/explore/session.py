@@ -23,6 +23,7 @@ from .jobs import Answer
 from .worker import StoppedError, Worker
 from .. import export, store
 from ..core.errors import ImuNoiseError, InputError
+from ..loop.domains import package
 from ..loop.prediction import State
 from ..loop.study import Study
 from ..plots.panel import Stretch
@@ -308,7 +309,7 @@ class Session:
 
     def export(self, name: str, axes: str = 'worst', inflate: float = 1.0) -> str:
         """Return the numbers as another program reads them."""
-        if self.study is None or self.study.domain != 'noise':
+        if self.study is None or not package(self.study.domain).NUMBERS:
             raise InputError('only a noise study has densities to export', 'open one')
         return export.export(self.study, name, axes=axes, inflate=inflate)
 

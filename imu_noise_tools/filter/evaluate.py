@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc, ndtr, ndtri
 
 from ..core.spectrum import bins_of, cosine_transform, power
-from ..core.statistics import gamma_excess, gamma_pull
+from ..core.statistics import gamma_excess, gamma_pull, normal_pull
 from ..loop.effect import Finding, Score, View
 
 LAGS = 20               # of the Ljung-Box test
@@ -69,12 +69,8 @@ def kurtosis_tail(u: np.ndarray) -> float:
     n = float(len(u))
     mean = -6 / (n + 1)             # of the excess
     variance = 24 * n * (n - 2) * (n - 3) / ((n + 1) ** 2 * (n + 3) * (n + 5))
-    skew = 6 * (n * n - 5 * n + 2) / ((n + 7) * (n + 9)) * np.sqrt(
-        6 * (n + 3) * (n + 5) / (n * (n - 2) * (n - 3)))
-    a = 6 + 8 / skew * (2 / skew + np.sqrt(1 + 4 / skew ** 2))
-    x = (excess_kurtosis(u) - mean) / np.sqrt(variance)
-    root = np.cbrt((1 - 2 / a) / (1 + x * np.sqrt(2 / (a - 4))))
-    return float(2 * ndtr(-abs((1 - 2 / (9 * a) - root) / np.sqrt(2 / (9 * a)))))
+    z = float((excess_kurtosis(u) - mean) / np.sqrt(variance))
+    return float(2 * ndtr(-abs(normal_pull(z, n))))
 
 
 def autocorrelation(u: np.ndarray, lags: int) -> np.ndarray:

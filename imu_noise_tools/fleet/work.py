@@ -33,7 +33,6 @@ from ..loop.effect import load_effects
 from ..loop.study import Study
 from ..tasks import noise
 
-DIAGNOSE = ('failing', 'all', 'none')
 CHUNK = 1 << 22
 FORMAT = 3          # of the facts; another one is not read
 MARK = '.fleet'     # a file in the folder of a fleet, by which a worker knows that it sees it

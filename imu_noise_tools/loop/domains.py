@@ -12,7 +12,7 @@ effects are known however the question came. Its face is
     and back;
 ``TITLE``, ``NEXT``, ``NUMBERS``
     of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder; the
-    format of export whose numbers open the page, empty for none;
+    format of export whose numbers open the page, empty where it has none to export;
 
 and, since imports run one way, functions in the module of its name in the layers above it:
 

@@ -160,24 +160,29 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     field_units: ClassVar[bool] = False  # do people read it in deg/sqrt(h) and the like, or in SI?
     several: ClassVar[bool] = False  # may a model hold more than one of it?
-    most: ClassVar[float] = float('inf')    # of it are looked for: more would bend to anything
+    # how many of it are looked for: more together would bend to anything
+    most: ClassVar[float] = float('inf')
     views: ClassVar[tuple[str, ...]] = ()  # views in which adding it is judged; none named: all
-    # does what shows it stand by itself, so that no misfit of anything else can imitate it?
+    # can nothing else imitate what shows it, so that a misfit elsewhere casts no doubt on it?
     certain: ClassVar[bool] = False
-    counted: ClassVar[bool] = True  # does the view that shows it count what it claims?
-    # is noise stretched over what several such leave, so that two heal what one of them does not?
+    # does the view that shows it fail by what it gains? if not, it need not heal that view
+    counted: ClassVar[bool] = True
+    # can two of these hide each other? the fit stretches the noise over what one of them leaves,
+    # so that neither heals its view alone: they are tried in pairs
     paired: ClassVar[bool] = False
-    # does what it explains lay bare what another such does, so that two heal what one does not?
+    # does it lower the fitted floor, so that others of these, and paired ones, become visible?
+    # they are tried in pairs with it
     uncovers: ClassVar[bool] = False
-    # may what it explains be what a paired one does on other targets too? then it is tried later
-    yields: ClassVar[bool] = False
-    # is it in nearly every sensor, so that the odds are for it where it is not in the model?
+    # what a paired one does on several targets, in words, where what it explains may be that: the
+    # paired one is tried before it; empty: nothing
+    yields: ClassVar[str] = ''
+    # is it in nearly every sensor? then it pays less to be believed
     common: ClassVar[bool] = False
-    # is what it explains there in any case? where its name falls nothing else may stand for it
+    # if its form is refuted, is the misfit real all the same? later candidates may not claim it
     stays: ClassVar[bool] = False
-    # views whose failure casts no shadow on it: what fails there may be of its own doing
+    # views whose failure casts no doubt on it: it may cause that itself
     aside: ClassVar[tuple[str, ...]] = ()
-    # parameters that are null unless the record asks for them: a simpler form is no other effect
+    # parameters that do nothing unless the record asks for them: priced only where they are used
     optional: ClassVar[tuple[str, ...]] = ()
 
     _named: ClassVar[dict[str, Parameter]]

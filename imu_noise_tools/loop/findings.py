@@ -105,7 +105,7 @@ def yields(one: Finding, other: Finding) -> bool:
 
     """
     return one.effect is not None and other.effect is not None \
-        and one.effect.yields and other.effect.paired and not outweighs(one, other)
+        and bool(one.effect.yields) and other.effect.paired and not outweighs(one, other)
 
 
 def outweighs(one: Finding, other: Finding) -> bool:

@@ -141,8 +141,9 @@ class Search:
                                            if place.candidates else
                                            not self.against.unlowered(here, more, f)[1])
             if not there:
-                self.refuted[name] = replace(f, against='beside what several axes have in the '
-                                             'mean it explains nothing')
+                assert f.effect is not None
+                self.refuted[name] = replace(
+                    f, against=f'beside {f.effect.yields} it explains nothing')
                 self.scores = {k: v for k, v in self.scores.items() if name not in k}
                 self._beside.setdefault(name, frozenset(self.places.labels_of(members)))
 
@@ -156,8 +157,8 @@ class Search:
         believed. Of others only the best of each sort is tried first. A spectrum with one of two
         has a lower floor, above which the other stands out the more; so has its slow end, above
         which a mean does. Two that bend it to and fro may gain nothing each: where nothing stands
-        out they are tried all the same; nor does a bound speak against the first of two there, at
-        which the other one may hold it.
+        out they are tried all the same. There a candidate at its bound is tried too, as the first
+        of two: the lack of the second may be what pushes it there.
 
         """
         before, asked = self.places.model_of(members), set[bool]()

@@ -17,7 +17,7 @@ from typing import cast, NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from . import views
-from .coupled import heard_at, is_none
+from .coupled import heard_at, why_no_coupling
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
@@ -38,22 +38,38 @@ from ..loop.verdict import DIRECTED, FLEXIBLE, PRICE
 if TYPE_CHECKING:
     from .problem import NoiseProblem
 
-CAP = 50.0  # nats that levels of its own cost a half-octave band where candidates are compared
-WHOLE = 1e9  # nats that no band costs
-MOST_SHAPES = 2  # parameters besides one that are priced where names are compared
-SLOW = 32  # coefficients that hold nearly all of what acts on the mean
-LEFT = 0.01  # share of the power that is left at least where a source were known
-STANDS = 3.0  # times the model's power that a peak has
-FOOT, BROAD = 20.0, 1.5  # of its width that a peak reaches, as narrow or as broad as it is seen
-SEEN = 8.0  # standard errors that a broad one stands out
-CLEAR = 100.0   # nats of a peak that is one in some form or other
-CLEAREST = 2    # narrow bands that are looked at by themselves
-OPTIONAL = 3.0  # standard deviations from which an optional parameter is clear
-ROUNDED = 2.0   # times what rounding moves a mean by, that one must change by
-JUMPS = 0.5  # share of all that changes, or of how far levels are apart
-FURTHER = 1.5  # times as far as levels are apart, where no jump of theirs goes
-BLOCKS = 256  # of a record, within one of which two jumps are at one time
-ABSENT = float(np.log(100.0))  # nats: the odds against a sensor that lacks what every sensor has
+# nats that a half octave may count at most for or against a candidate: what no model explains
+# there would decide otherwise
+CAP = 50.0
+WHOLE = 1e9  # in the place of CAP where every band counts in full
+# parameters besides the first that are priced at most where names are compared
+MOST_SHAPES = 2
+# cosine coefficients from the slowest on: they hold nearly all that an effect on the mean explains
+SLOW = 32
+# of the power of a bin: the least that is left of it where sources were known exactly (a choice)
+LEFT = 0.01
+# times the model's power: a peak that has more is not explained, and a filter is fitted beside it
+STANDS = 3.0
+# widths around its middle that such a peak is left out, a narrow one (whose skirts reach far) and
+# one that is seen as broad as it is
+FOOT, BROAD = 20.0, 1.5
+SEEN = 8.0  # standard errors by which a broad one must stand out for that
+# nats of a peak that is there in some form: from there on its other forms and places are tried too
+CLEAR = 100.0
+CLEAREST = 2    # narrow peaks, the clearest, at each of which a fit is begun for that
+# standard deviations of an optional parameter: farther from zero it is used, and priced
+OPTIONAL = 3.0
+# times what rounding moves a mean by: a mean that changes by no more is rounding's (a choice)
+ROUNDED = 2.0
+# of all that a mean changes: more at one place is a jump; and of how far levels are apart: a jump
+# is theirs if they change by more there (a choice)
+JUMPS = 0.5
+# times as far as levels are apart: a mean that changes by less is one of their dwells (a choice)
+FURTHER = 1.5
+# of so many parts of a record: jumps within one are at the same time
+JUMP_BLOCKS = 256
+# nats: the odds, 100 to 1 (a choice), against a sensor that lacks what every sensor has
+ABSENT = float(np.log(100.0))
 
 
 class Tried(NamedTuple):
@@ -272,7 +288,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where,
         against=bound or added.part_of(more.model)
         or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
-        or (is_none(evidence, more, label) if isinstance(effect, Coupling) else '')
+        or (why_no_coupling(evidence, more, label) if isinstance(effect, Coupling) else '')
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
         shapes=_shapes(effect, more.estimates[label]),
@@ -301,7 +317,7 @@ def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     for one in model.of(Spectrum):
         if far < FURTHER * one.jumps and one.path(evidence) is None:
             return f'it is {far / one.jumps:.2g} of the jumps to and fro: {one.title}'
-    near = 1 + len(jumps) // BLOCKS
+    near = 1 + len(jumps) // JUMP_BLOCKS
     for other in (e() for e in registry('noise').values() if issubclass(e, Spectrum)):
         path = None if other.name in model else other.path(evidence)
         if path is None:
@@ -470,8 +486,8 @@ def _unlikely(fit: Fit) -> float:
 
     """
     share = {k: np.max(s / fit.details.v) for k, s in fit.details.each.items()}
-    certain = [e.label for e in fit.model.of(Spectrum) if e.in_every_sensor]
-    return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in certain)
+    there = [e.label for e in fit.model.of(Spectrum) if e.never_absent]
+    return ABSENT * sum(bool(share.get(label, 1.0) < 0.05) for label in there)
 
 
 def _refitted(evidence, fit, effect):

@@ -183,7 +183,7 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
         )
         i = some[int(np.argmin(np.abs(slope[some] - wanted)))]
         if known == 'flicker':
-            i = _bias_point(c, slope, bias_at, i)
+            i = _bias_point(c, bias_at, i)
         value = float(c.dev[i] * (at / c.tau[i]) ** wanted / divisor)
         there = abs(slope[i] - wanted) <= NEAR or (known == 'flicker' and bias_at != 'flat')
         ratio = value / c.dev[i]
@@ -213,7 +213,7 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
     return Fit(fitted, estimates, full.log_likelihood, tuple(flags), full.details)
 
 
-def _bias_point(c, slope, rule, flattest):
+def _bias_point(c, rule, flattest):
     if rule == 'flat':
         return flattest
     if rule == 'minimum':

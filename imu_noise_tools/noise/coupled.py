@@ -16,14 +16,16 @@ from ..core.spectrum import Bins
 from ..loop.effect import Fit
 
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
-MOST = 0.9      # of what a coupling explains (a choice), that lies within ...
+MOST = 0.9      # of what a coupling explains (a choice): no coupling if it lies within ...
 SHARP = 30.0    # ... a width of f over this: a driven resonance with Q = 190
-WITHIN = 0.05, 0.95  # of what is explained, from its lowest frequency on
-NARROW = 2.0    # times: what is heard within an octave is of one source that swings
-LIKE = 0.25     # of the largest share, by which others may be off
+WITHIN = 0.05, 0.95  # of what is explained, from its lowest frequency on: where most of it is
+NARROW = 2.0    # times: where that is no wider than an octave one source swings
+# of the largest share that a turn would move gravity by: shares that are off by less are those
+# of a turn (a choice)
+LIKE = 0.25
 
 
-def is_none(evidence: Evidence, fit: Fit, label: str) -> str:
+def why_no_coupling(evidence: Evidence, fit: Fit, label: str) -> str:
     """Say why what a coupling of a model explains is no coupling of the sensor, or nothing."""
     effect = cast(Coupling, fit.model[label])
     return at_one_frequency(evidence, fit, label) or effect.motion(evidence, fit)

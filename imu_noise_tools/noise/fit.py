@@ -153,7 +153,7 @@ def _fit_of(found: Found, measured, flags, intervals: bool) -> Fit:
         fitted, measured, flags = with_measured(likelihood.evidence, fitted)
     said = dict(measured)
     if intervals:
-        more, hit = estimates(likelihood, x, found.information, linear, found.slowest)
+        more, hit = estimates(likelihood, x, found.information, linear)
         more = widened(likelihood, more, _wider(found))
         flags = [*flags, *hit]
     else:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from . import views
-from .coupled import is_none
+from .coupled import why_no_coupling
 from .course import left_by_a_course, PARAMETERS
 from .evidence import Evidence
 from .explained import Bands, gained
@@ -31,7 +31,7 @@ from .kinds import (
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, told_by_gains
 from .nonlinear import follows_a_law
-from .sweep import on_one_path, PARTS as SWEPT, Sweep
+from .sweep import on_one_path, SHORTEST_SHARE, Sweep
 from .together import unlike_noise
 from .unswept import gained_beside
 from ..core.linear import inverse, SILENT
@@ -42,22 +42,43 @@ from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 #: of each octave, the narrowest first: differences of block means, how many are independent
 Differences: TypeAlias = list[tuple[np.ndarray, float]]
 
-QUIET_GAIN = 4.0  # nats of a smooth form below which no broad effect can pass its penalty
-QUIET_PULL = 4.0  # of bins side by side, for narrow ones
-ENOUGH = 4.0  # coefficients for each gain that is free in a band
-RARE = 1e-3  # how often chance reaches what refutes a name
-VALLEY = 0.5  # of the lower of two peaks: they are apart where there is less between them
-TOGETHER = 3  # peaks without one
-UNLIKE_SHARE = 0.005  # of a claim, that noise has whose kurtosis is half of what a line's would be
+# nats that a smooth form gains, below which no broad effect can pass its penalty: none is tried
+QUIET_GAIN = 4.0
+# standard deviations of bins side by side, below which no narrow effect can: none is tried
+QUIET_PULL = 4.0
+# coefficients for each gain, from which a half octave gets gains of its own
+ENOUGH = 4.0
+# how often gains that are free in every half octave gain so much by chance: what is more refutes
+RARE = 1e-3
+# of the lower of two peaks: with less power than that between them they are apart (a choice)
+VALLEY = 0.5
+# peaks that no valley parts, from which they draw one shape and none of them is named (a choice)
+TOGETHER = 3
+# of the nats that a coupling claims: evidence against normal noise refutes it from there on. Noise
+# whose kurtosis is half of what a line's would be has as much
+UNLIKE_SHARE = 0.005
 COURSE_OF_AXES = 'what it explains is a course that axes have in common, and no noise'
-FEWEST = 64  # differences of block means that tell a kurtosis
-FIRST = 2, 4, KNOTS  # cosines of the mean, of which the slowest may do
+# independent differences of block means: fewer tell no kurtosis; what comes in fewer pieces is a
+# course and no noise
+FEWEST = 64
+# times FEWEST: a record with fewer differences of its shortest blocks cannot count pieces
+MANY = 4
+# how many cosines of the mean are tried, the slowest first: a few may tell a misfit more surely
+FIRST = 2, 4, KNOTS
 SLOWLY = 'time', 'the logarithm of time'  # of which cosines of the mean are slow
-MANY = 4  # times as many, from which so few independent ones are those of a course
-BEYOND = 3.0  # widths of a peak, farther than which a line that sweeps is no peak that wanders
-HELD = 8  # samples, for each that counts once, over which what comes of holding them is normal
-OWN_SHARE = 0.1  # of what is told, to which what the own noise of channels hides is known
-FELT = 0.02  # of ln power: from which an effect is felt in a bin
+# widths of a peak: a line that sweeps farther is not a peak that wanders (a choice)
+BEYOND = 3.0
+# runs of held samples, over which what axes share is averaged before it is asked whether it is
+# normal: from one run to the next it comes and goes with the holding
+HELD = 8
+# of the nats of a coupling: it falls if less is left once the own noise of the channels of another
+# one, that hears the same source, is accounted for (a choice)
+LEFT_BESIDE = 0.1
+# of the nats of a coupling: with less than that above what block means resolve it is told by the
+# slow end alone, and may be a course (a choice)
+FAST_SHARE = 0.1
+# of ln power: an effect is felt in the bins that it changes by more (a choice)
+FELT = 0.02
 
 
 def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS) -> float:
@@ -186,7 +207,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     effect, claimed = cast(NoiseEffect, fit.model[label]), claim
     peak = isinstance(effect, Spectrum) and effect.centre is not None
     if isinstance(effect, Coupling):
-        return is_none(evidence, fit, label) or _coupled_otherwise(
+        return why_no_coupling(evidence, fit, label) or _coupled_otherwise(
             evidence, fit, effect, claim) or swept(evidence, effect, claim)
     against = effect.otherwise(evidence, fit, claim)
     if against:
@@ -358,7 +379,7 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
                     'channels of that do not hear of the same source')
         if tells < most:
             told, own = told_anew(evidence, fit, effect.label, other.label)
-            if own < max(DIRECTED, OWN_SHARE * told):
+            if own < max(DIRECTED, LEFT_BESIDE * told):
                 return (f'it tells {told:.0f} nats, all but {own:.0f} of them what {other.name} '
                         'misses of the same source by the own noise of what it hears')
     better = []
@@ -371,7 +392,7 @@ def _coupled_otherwise(evidence: Evidence, fit: Fit, effect: Coupling, claim: fl
         better.append(gain)
     else:
         return f'gains that are free in every half octave fit better by {better[0]:.0f} nats'
-    if not effect.normal:
+    if not effect.must_be_normal:
         differences = differences_of(octaves_of(evidence, fit, effect))
         return COURSE_OF_AXES if _happens_once(differences) else ''
     against = _not_normal(evidence, fit, effect, claim)
@@ -408,8 +429,8 @@ def _is_a_course(evidence: Evidence, fit: Fit, effect: Coupling) -> bool:
     if gain([]) < FLEXIBLE or min(map(gain, free)) > DIRECTED:
         return False
     bins, weight, power = explained_by(evidence, fit, effect.label)
-    fast = bins.f > 0.5 * count / evidence.duration     # than blocks can tell
-    return bool((weight * power)[fast].sum() < OWN_SHARE * (weight @ power))
+    fast = bins.f > 0.5 * count / evidence.duration     # than block means resolve
+    return bool((weight * power)[fast].sum() < FAST_SHARE * (weight @ power))
 
 
 def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
@@ -432,7 +453,7 @@ def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
 
 def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim: float) -> str:
     """Say that what an effect explains is no normal noise, where it is to be."""
-    if not effect.normal:
+    if not effect.must_be_normal:
         return ''
     octaves = octaves_of(evidence, fit, effect)
     differences = differences_of(octaves)
@@ -485,7 +506,7 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     part, sure = 1.0, FLEXIBLE
     low, high = sorted((sweep.first, sweep.last))
     if isinstance(effect, Coupling):
-        part, sure = max((sweep.end - sweep.begin) / evidence.duration, 1 / SWEPT), DIRECTED
+        part, sure = max((sweep.end - sweep.begin) / evidence.duration, SHORTEST_SHARE), DIRECTED
     elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
@@ -562,7 +583,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
              for e in fit.model.of(NoiseEffect) if e.label in spent}
     left = [e for e in fit.model if e.label not in spent]
     # drift of other colours may be the knee's, and mostly ends the search before it
-    plain = [e for e in left if not isinstance(e, Spectrum) or e.in_every_sensor]
+    plain = [e for e in left if not isinstance(e, Spectrum) or e.never_absent]
     # and filters may be there for no more than to bend others to its form
     filters = [e for e in plain if isinstance(e, Response) and not isinstance(e, MEASURED)]
     bare = [e for e in plain if e not in filters]
@@ -695,7 +716,7 @@ def _with_noise_for(evidence: Evidence, fit: Fit, some: list[NoiseEffect]) -> np
 
 def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.ndarray:
     """Return the steepness of a knee in the place of drift, and what means gain beside it."""
-    plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.in_every_sensor]
+    plain = [e for e in fit.model if not isinstance(e, Spectrum) or e.never_absent]
     rival = _with_a_knee(evidence, fit, plain)
     # effects that stand for a knee hold it where it leaves them what they explain
     alone = _with_a_knee(evidence, fit, [e for e in plain if not isinstance(e, Mean)])

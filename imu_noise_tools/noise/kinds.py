@@ -108,29 +108,29 @@ class NoiseEffect(Effect):
     domain = 'noise'
     field_units = True
 
-    #: values that leave a record as it is, where a zero amplitude does not
+    #: values with which it leaves a record as it is, of parameters for which that is not zero
     neutral: ClassVar[Mapping[str, float]] = {}
-    #: views that can say nothing while it is in the model
+    #: views that are not judged while it is in the model and there
     hides: tuple[str, ...] = ()
-    #: views that fail by themselves while it is in the model: only their change says something
+    #: views that fail by themselves while it is there: then no test, but compared between models
     mutes: tuple[str, ...] = ()
-    #: features of the samples that it accounts for: one effect in the model is enough for each
+    #: features of the samples that it accounts for: what has none beyond the model's is not tried
     explains: ClassVar[tuple[str, ...]] = ()
-    #: in which turn it looks at the samples; what a turn finds is taken out for those that follow
+    #: in which turn it is measured on the samples: defects of earlier turns are out of them then
     turn: ClassVar[int] = 1
-    #: whether it looks at all that was read, where a slower sensor's values are sent again
+    #: whether it is measured on all that was read: of a slower sensor, repeats too
     of_readings: ClassVar[bool] = False
-    #: whether a fit that leaves nothing of it is out of the ordinary
-    in_every_sensor: ClassVar[bool] = False
-    #: whether it moves means, each by its place between two levels of the output
+    #: whether no sensor is without it: a fit that leaves nothing of it pays for that
+    never_absent: ClassVar[bool] = False
+    #: whether it moves a mean by where that lies between two steps of the output, as rounding does
     moves_means: ClassVar[bool] = False
-    #: whether it says that what it adds is normal noise, on every time scale
-    normal: ClassVar[bool] = False
-    #: whether it has no form of its own, but bends to any: a form that is as good is the one named
+    #: whether it is believed only if what it explains is Gaussian on every time scale
+    must_be_normal: ClassVar[bool] = False
+    #: whether it bends to any form: all of its parameters are priced, so that a form as good wins
     free: ClassVar[bool] = False
-    #: whether it may bend the spectrum over decades, where a knee without a name may do as well
+    #: whether it may bend the spectrum over decades: it falls if a knee of any steepness does more
     broad: ClassVar[bool] = False
-    #: a word for its spectrum where others have it too: only the samples tell them apart then
+    #: the same word for all with the same spectrum, which only the samples tell apart
     alike: ClassVar[str] = ''
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'

@@ -86,7 +86,7 @@ def narrowed_by_clipping(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
     out = []
     for e in fit.model.of(Spectrum) if clipped(evidence) else ():
         for name, found in fit.estimates.get(e.label, {}).items():
-            if e.in_every_sensor and _is_flat(e, evidence.dt) and found.point and not (
+            if e.never_absent and _is_flat(e, evidence.dt) and found.point and not (
                     found.ci95 and found.point / max(left, 1e-3) <= found.ci95[1]):
                 out.append(f'{e.label}.{name}')
     return tuple(out)
@@ -149,7 +149,7 @@ def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estima
     if steady_band(evidence, fit):
         low = high
     for e in fit.model.of(Spectrum):
-        for p in e.parameters if said and e.in_every_sensor else ():
+        for p in e.parameters if said and e.never_absent else ():
             estimate = out[e.label][p.name]
             notes = [estimate.note, *said] if estimate.note else list(said)
             if estimate.value and high > low and _is_flat(e, evidence.dt):

@@ -33,41 +33,51 @@ from .lines import reference_spectrum
 from ..core.spectrum import cosine_transform
 from ..core.statistics import median_sigma
 
-ROWS = 1 << 16  # samples of frames that are worked on at a time
+ROWS = 1 << 16  # samples of frames that are transformed at a time
 PIECE = 1 << 19  # samples that are whitened together
-LONG = 1 << 19  # samples of a record from which on frames do not overlap
+LONG = 1 << 19  # samples of a record: frames of a longer one do not overlap
 SHORTEST_S, LONGEST_S = 0.005, 1.0  # s: time constants that are looked for
-SHORTEST = 4  # samples
-FRAME = 3  # time constants in a frame, of which it then hears the most
-FRAMES = 64  # of a length, at least
-SWINGS = 1.0  # in a time constant at least: fewer are steps or spikes as well
-HARDLY, ALIKE = 0.3, 3  # unless so many knocks are alike, that swing less than once
-ENDS = 0.99  # of them, where a search may end
-HIGHEST = 0.45  # of the rate: nearer to a half hardly more than every second swing is seen
-HOLLOW = 2.0  # times less than around is where a filter takes something out
-MEDIAN = 1 << 12  # moments of a stretch that tell what is usual
-LOUDLY = 3.0  # standard deviations beyond white noise that are more than it
-LOUDER = 1.25  # times as loud, from which a stretch is
-STRETCHES = 24  # of the record, in which the usual power of a frequency is looked at
-SEEDS = 5  # places from which a search begins
-FAINT = 5.0  # nats below what all cells of a length cost, down to which cells are looked at
-WIDER = float(np.log(2))  # by which ln tau may be off the length's that it is found with
-KNOWN = 8  # moments from which a frequency and a time constant are refined
-MOST = 0.05  # share of the record: what rings more of the time is no knock
-PASSES, MORE = 4, 1.1  # at most, as long as the knocks gain so many times more
-SINGLE = 4.0  # standard deviations from which a sample may be one that stands for itself
-FEW, NEARLY = 7, 0.9  # share of that of so many and more that a ring has: none has all of it
-MANY = 2.0  # times as much in single samples as in those of knocks: knocks may be chance
-KINDS = 3  # of knocks in a record
-BETWEEN = 3.0  # nats that are reached between what is told apart
-CLEARLY = 2.0  # times the nats of a moment that chance may have made
-AGAIN = 3.0  # nats beyond its moments that each knock but the first must have
-UNEVEN, TOLD = 3.0, 20  # nats beyond which a tail is looked at, by so many
-BESIDE = 10  # frequencies on each side by which a tail is told
-APART = 3.0  # time constants between two knocks
+SHORTEST = 4  # samples: no time constant is shorter
+FRAME = 3  # time constants in a frame: of that length it hears most of a ring
+FRAMES = 64  # frames in a record, at least: no frame is longer
+# periods in a time constant, at least: what swings less is a step or a spike as well
+SWINGS = 1.0
+# so few periods do where there are so many knocks alike
+HARDLY, ALIKE = 0.3, 3
+# a search that ends within 1 % of SWINGS has ended at it
+ENDS = 0.99
+HIGHEST = 0.45  # of the sample rate: above, hardly more than every second swing is seen
+HOLLOW = 2.0  # times less amplitude than an octave around has: there a filter takes something out
+MEDIAN = 1 << 12  # moments at most, whose median tells what is usual in a stretch
+LOUDLY = 3.0  # standard deviations of that median: of more it is no white noise
+LOUDER = 1.25  # times as loud as usual: a stretch that is less so counts as usual
+STRETCHES = 24  # of the record, in which loudness and the usual power are told
+SEEDS = 5  # frequencies and time constants at most, from which a search begins
+FAINT = 5.0  # nats below what all cells of a length cost: cells down to there may be a seed
+WIDER = float(np.log(2))  # by which ln tau may move from that of the frame where it was found
+KNOWN = 8  # moments at most, from which a frequency and a time constant are refined
+MOST = 0.05  # of the record: what rings for more of it is no knock (a choice)
+# passes at most, and times the nats of the last one that the next must reach to go on
+PASSES, MORE = 4, 1.1
+SINGLE = 4.0  # standard deviations: a sample farther out may be one that stands for itself
+# a ring must gain what the single samples around it have; of so many and more, this share
+FEW, NEARLY = 7, 0.9
+# times the nats of the single samples around knocks: a record with more of them in all has knocks
+# by chance, and those are kept that gain so many times what theirs have (a choice)
+MANY = 2.0
+KINDS = 3  # of knocks (frequency, time constant) in a record, at most
+BETWEEN = 3.0  # nats more that a frequency and a time constant cost: cells that touch are searched
+# times the nats that a moment costs: knocks whose median gains less may be chance, and count as
+# longer where it is asked how much of the record rings
+CLEARLY = 2.0
+AGAIN = 3.0  # nats beyond its moment that each knock but the first must gain
+# nats: what is beyond is the tail of chance, which is looked at where so many values are
+UNEVEN, TOLD = 3.0, 20
+BESIDE = 10  # frequencies of a frame on each side that tell that tail
+APART = 3.0  # time constants between two knocks, at least
 BEFORE, BEHIND = 3, 5  # time constants around a knock in which it has to explain what stands out
-EXPLAINS = 0.7  # share of it
-SWELLS = 2.0  # times as much as what swells before it
+EXPLAINS = 0.7  # of the nats that stand out there: a knock must gain more (a choice)
+SWELLS = 2.0  # times what its mirror image gains before it: a knock must gain more (a choice)
 
 
 def _swings(omega, tau):

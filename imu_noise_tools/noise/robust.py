@@ -302,7 +302,7 @@ def lacks(found: Found) -> bool:
     model = likelihood.with_search(found.x)
     v, each = likelihood.spectra(model)
     return any(
-        e.in_every_sensor and np.max(each[e.label] / v) < _LEAST for e in model.of(Spectrum)
+        e.never_absent and np.max(each[e.label] / v) < _LEAST for e in model.of(Spectrum)
     )
 
 
@@ -399,7 +399,7 @@ def _still(found: Found, order: Order, gain2: np.ndarray, by: float, strict: boo
     if order.tied and not strict and np.min(away) > -by:
         model = likelihood.with_search(found.x)
         v, each = likelihood.spectra(model.minus(OPEN) if OPEN in model else model)
-        drift = v - sum(each[e.label] for e in model.of(Spectrum) if e.in_every_sensor)
+        drift = v - sum(each[e.label] for e in model.of(Spectrum) if e.never_absent)
         slow &= np.cumsum((drift > _DRIFT * v)[::-1])[::-1] > 0
     return bool(np.max(np.abs(away[slow]), initial=0.0) <= by)
 
@@ -421,8 +421,8 @@ def _joined(bands: Bands, found: Found) -> bool:
 
 def _spread(found: Found) -> float:
     """Return the largest standard deviation of ln of what every sensor has."""
-    certain = {e.label for e in found.likelihood.model.of(Spectrum) if e.in_every_sensor}
-    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in certain]
+    there = {e.label for e in found.likelihood.model.of(Spectrum) if e.never_absent}
+    some = [j for j, s in enumerate(found.likelihood.slots) if s.label in there]
     variance = np.diag(np.linalg.pinv(marginal(found.information, some)))
     variance = np.where(variance < 0, np.inf, variance)     # of nearly none of it anything is told
     return float(np.sqrt(np.max(variance, initial=0.0)))

@@ -32,30 +32,49 @@ from ..core.spectrum import Bins
 #: two axes, by their numbers, the lower first
 Pair: TypeAlias = tuple[int, int]
 
+# behind the name of an axis: itself a quarter of a period later, and what is not its own noise
 LATER, SHAKEN = '^', '~'
 HEARD = ('all', 'vibration')  # of an axis: as it was recorded, or what is not its own noise
-LOOKED_AT = 1 << 19     # samples in which axes are compared
-GROUPS, LEAST = 960, 16     # of coefficients, and the least in one
-CHANCE = 1e-3           # records in which noise seems to be heard together
-WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)      # groups that tell a coherence
-CLEAR = (8.0,) * 8 + (3.0,)     # its standard errors: of so many no fewer would tell it
-FULL = 0.9999   # coherence, of which a larger one is chance
-STEP, SHIFTS = 1e-3, 16     # chance of a step where there is none; places where a grid begins
-ALIKE = 0.5             # of the largest share: above it a share is the same at all frequencies
-PART = 0.25             # of what stands out that others hear, which is told by as much, at least
-EVEN = 0.005    # of shares that are faint: what pairs say of which is the greater is chance
-STEPS = 30              # towards the shares of one source
-ABOVE = 2.0             # times its own noise from which an axis is called shaken
-TALL = 100.0            # times from which it is where nothing else hears it
-PEAK, BESIDE = 5.0, 3.0     # times the median of bins from a third of its frequency to three times
-ENOUGH = 50             # coefficients that tell a level, from the fewest of so many bins
+LOOKED_AT = 1 << 19     # samples, from the first on, in which axes are compared at most
+# groups of cosine coefficients at most, and coefficients in one at least
+GROUPS, LEAST = 960, 16
+CHANCE = 1e-3           # of records of independent noise, that seem to hear something together
+# neighbouring groups that may tell a coherence, fewest first, and the standard errors from which
+# they do: the widest are left what fewer did not tell, and ask for less (a choice)
+WINDOWS = (1, 3, 5, 9, 19, 39, 79, 159, 319)
+CLEAR = (8.0,) * 8 + (3.0,)
+# coherence: an estimate above is taken for this, or its error would be none (a choice)
+FULL = 0.9999
+# chance of a step in a coherence where there is none; offsets of the grid, whose mean counts
+STEP, SHIFTS = 1e-3, 16
+# of the largest share: a share that is nowhere less is the same at all frequencies; and of what
+# stands above an axis's own noise: where others hear no more, it is that axis alone (a choice)
+ALIKE = 0.5
+# of what stands above an axis's own noise: where others hear more of it, it is theirs too
+PART = 0.25
+# ridge that pulls the shares of axes to one common share: it decides where shares are so faint
+# that which of them is the greater is chance, and is nothing where they are large
+EVEN = 0.005
+STEPS = 30              # iterations towards the shares of one source
+# times an axis's own noise: what has more stands above it (a choice)
+ABOVE = 2.0
+# times its own noise: what has more is not an axis's own though no other one hears it (a choice)
+TALL = 100.0
+# times the median of the bins from f/BESIDE to f BESIDE: a bin with more is a peak (a choice)
+PEAK, BESIDE = 5.0, 3.0
+# coefficients that tell a level to 20 %: a bin of fewer is told by its neighbours too
+ENOUGH = 50
+# bins in such a mean of neighbours, and in a median of them, fewest first
 WIDTHS = (3, 5, 9, 19)
 WIDE = (9, 19, 39, 79)
-FLANKS = 39     # bins, of which a peak's flanks are fewer than half
-BETWEEN = 3     # coefficients of a drift, of which one is large
-MOST = 0.95     # of an axis's power that is no noise of its own
-TIMES = 64      # in which it is looked how loud a record is
-OUT = 20.0      # medians of its neighbours that one coefficient in 400 reaches by chance
+FLANKS = 39     # bins in a median that steps over a peak: its flanks are fewer than half
+BETWEEN = 3     # bins, of which a straight drift is large in one at least
+# of an axis's power: no larger share is taken off as heard, or its own noise would be lost
+MOST = 0.95
+TIMES = 64      # parts of a record, in each of which it is looked how loud it is
+# medians of its neighbours that one coefficient in 400 reaches by chance: with more it is of a
+# drift, or of a line and counts as this
+OUT = 20.0
 
 
 def derived(channel: str) -> bool:

@@ -26,7 +26,7 @@ from ..loop.effect import Finding
 from ..loop.verdict import FLEXIBLE
 
 SHORTEST = 32   # blocks along which a line is followed at least
-PARTS = 8       # of the record, the shortest that is looked at
+SHORTEST_SHARE = 1 / 8  # of the record, along which it is followed at least
 LEAST = 6       # cells through which it sweeps at least: what stays is a line or a narrow band
 CAP = 8.0       # times the mean power that a cell counts at most
 HALVED = 3      # times, a path: each of these parts has to show what all of it does
@@ -145,7 +145,7 @@ def _along_lines(power: np.ndarray, depth: int) -> tuple[float, float, int, int,
         for k in range(HALVED, 0, -1):
             least[k] = _joined(np.minimum, least[k - 1])
         least[0] = _joined(np.add, least[0])
-        if w < SHORTEST or w * PARTS < len(power):
+        if w < SHORTEST or w < SHORTEST_SHARE * len(power):
             continue
         sums, chance = least[0], np.float32(UNEVEN * np.sqrt(parts * w))
         counted = np.minimum(sums, parts * least[-1] + chance)[:, LEAST:]

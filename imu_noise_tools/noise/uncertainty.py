@@ -23,7 +23,7 @@ TRIED = 48  # sizes of an amplitude, over all that it may have
 NOTHING = 14.0  # powers of e below the best value, where nothing more is to come
 WELL_KNOWN = 0.1  # of an amplitude, as a share: zero is five standard deviations of its power away
 SHOWN = 0.1  # of the upper end of an interval: what is less is no level that the record shows
-IN_EVERY_SENSOR = (
+NOT_TOLD_FROM_DRIFT = (
     'the interval reaches zero: the record does not tell it from what drifts, and that every '
     'sensor has it is all that speaks for it'
 )
@@ -129,13 +129,13 @@ def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarr
     return out
 
 
-def _certain(model: Model, label: str) -> bool:
+def _never_absent(model: Model, label: str) -> bool:
     """Tell whether an effect is one that every sensor has."""
-    return any(e.label == label and e.in_every_sensor for e in model.of(Spectrum))
+    return any(e.label == label and e.never_absent for e in model.of(Spectrum))
 
 
-def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray, linear: Linear,
-              reddest: int | None) -> tuple[Estimates, list[str]]:
+def estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray,
+              linear: Linear) -> tuple[Estimates, list[str]]:
     """Return profile-likelihood intervals, upper limits and flags."""
     out = _linear_estimates(likelihood, linear)
     flags: list[str] = []
@@ -187,8 +187,8 @@ def _limit(profile: _Profile, j: int, wide: float, here: Estimate) -> Estimate:
     upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or bound)
     hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or bound)
     hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
-    if _certain(model, slot.label) and here.value > SHOWN * hi:
-        return replace(here, ci95=(0.0, hi), note=IN_EVERY_SENSOR)
+    if _never_absent(model, slot.label) and here.value > SHOWN * hi:
+        return replace(here, ci95=(0.0, hi), note=NOT_TOLD_FROM_DRIFT)
     return replace(here, value=None, ci95=(0.0, hi), upper95=upper,
                    note='not observable: the interval reaches zero')
 

@@ -19,7 +19,7 @@ from .kinds import Modulation
 from .sweep import Sweep
 from ..loop.effect import Model
 
-BLOCKS = 1.5    # of power in time, by which a path may be off
+HALF_WIDTH = 1.5    # blocks of time, half of what counts as the path of a line
 
 
 def gained_beside(evidence: Evidence, model: Model, effect: Modulation, sweep: Sweep) -> float:
@@ -53,7 +53,7 @@ def passed(sweep: Sweep, t: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """
     rate = (sweep.last - sweep.first) / (sweep.end - sweep.begin)
     at = sweep.first + rate * (t - sweep.begin)
-    reach = BLOCKS * abs(rate) * (t[1] - t[0])
+    reach = HALF_WIDTH * abs(rate) * (t[1] - t[0])
     low = np.searchsorted(edges, at - reach, side='right') - 2
     high = np.searchsorted(edges, at + reach, side='right')
     band = np.arange(len(edges) - 1)

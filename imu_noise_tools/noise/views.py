@@ -42,12 +42,14 @@ from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Fit, Model, registry, View
 from ..loop.verdict import STRIKING, tail
 
-TIME_BLOCKS = 256
+TIME_BLOCKS = 256   # block means of a record at most
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
 TAKEN = 3.0  # coefficients that a line takes: frequency, amplitude and phase
-LOUDER = np.append(0.0, np.geomspace(1e-3, 1e3, 121))   # a peak's power in one half, in another
-FAINT = 0.1     # of what is beside it, below which a half tells no peak's form
+# what is tried of a peak in one half: times the power that the other half, or the whole, gives it
+LOUDER = np.append(0.0, np.geomspace(1e-3, 1e3, 121))
+# times the power beside it: of a peak that has less in one half the whole record tells the form
+FAINT = 0.1
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):

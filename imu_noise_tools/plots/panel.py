@@ -12,7 +12,6 @@ page of ``explore`` in the browser.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,11 +98,6 @@ class Panel:
         total = sum(parts.values())
         shares = [(k, v / total) for k, v in parts.items() if total > 0 and v / total > 0.005]
         return tuple(sorted(shares, key=lambda s: -s[1]))
-
-
-def of_views(views: Iterable[View]) -> Mapping[str, Callable[[], Panel]]:
-    """Return a panel of its pulls for each view that says anything."""
-    return {v.name: lambda v=v: plain(v) for v in views if len(v.pull)}     # type: ignore[misc]
 
 
 def plain(view: View) -> Panel:

@@ -74,7 +74,7 @@ def html(study: Study, pictures: Mapping[str, bytes] | None = None,
         _summary(study), _numbers(study), _recording(study), _next(study, folder),
         '<h2>Axis by axis</h2>' if len(study.states) > 1 else '',
         *(_target(study, t, shown) for t in study.targets),
-        _ladder(study, shown), _curves(shown), _views(study), _measured(study, shown),
+        _ladder(shown), _curves(shown), _views(study), _measured(study, shown),
         _effects(study), _glossary()])
 
 
@@ -298,7 +298,7 @@ def _next(study: Study, folder: str) -> str:
         f'<code>{escape(command)}</code> {escape(why)}' for command, why in steps)
 
 
-def _ladder(study: Study, shown: Mapping[str, Any]) -> str:
+def _ladder(shown: Mapping[str, Any]) -> str:
     if 'ladder' not in shown:
         return ''
     return ('<h2>The ladder</h2>'

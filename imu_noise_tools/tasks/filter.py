@@ -258,7 +258,7 @@ def _filtered(
     covariance = np.zeros((record.n, 9))
     covariance[:, [0, 4, 8]] = np.where(done.used[:, None], done.variance, 0.0)
     figures = {a: Innovations.of(done.score[:, i]) for i, a in enumerate(AXES)}
-    study = _study(record, chosen, motion, stated, values, alpha, notes)
+    study = _study(record, chosen, stated, values, alpha, notes)
     return {
         'changed': Changed(gyro=gyro, gyro_covariance=covariance),
         'filtered': done,
@@ -268,7 +268,7 @@ def _filtered(
     }
 
 
-def _study(record, chosen: Design, motion, stated, values, alpha, notes) -> Study | None:
+def _study(record, chosen: Design, stated, values, alpha, notes) -> Study | None:
     """
     Return the study of the innovations, or None.
 

@@ -31,7 +31,7 @@ class GaussMarkov(Spectrum):
     )
     reference = 'IEEE 952 C.1.5'
     several = True
-    normal = True
+    must_be_normal = True
     broad = True
     decide = 'record ten times longer than its correlation time takes to show, on another supply'
     alike = 'relaxation'

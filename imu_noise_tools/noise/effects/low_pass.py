@@ -162,7 +162,7 @@ class LowPass(Response):
         if not self.knees:
             return 0.0
         bins, dt, behind = evidence.whole.bins, evidence.dt, self['behind']
-        white = sum(fit.details.each[e.label] for e in fit.model.of(Spectrum) if e.in_every_sensor)
+        white = sum(fit.details.each[e.label] for e in fit.model.of(Spectrum) if e.never_absent)
         passed = seen_behind((self.with_values(behind=0.0),), fit.model, bins.f, dt)
         passed = np.where(white > ALL * fit.details.v, passed, 0.0)
         every = seen_behind((), fit.model, bins.f, dt)

@@ -13,17 +13,25 @@ from ...core.spectrum import Bins
 from ...loop.effect import Effect, Model
 from ...loop.verdict import FLEXIBLE_SHARE
 
-SHARPEST = 0.1  # cells of 1/T: sharper than that nothing is told from a line
-BLUNTEST = 3.0  # f0/width: below, it is no band
-NARROW, BROAD = 4, 2  # starts from peaks that need bins of their own, and from others
-CLEAR = 5.0  # standard errors of one of those
-SHARP = 100.0    # f0/width: above, nothing but a peak draws it
-BLUNT = 30.0  # f0/width of a faint one: above, both of a resonance look alike
-MOVED = np.linspace(-1, 1, 17)     # widths by which a part of a record may have it elsewhere
-NARROWER = 1.0, 0.7, 0.5, 0.35     # and widths that it may have there
-SKIRTS = 4.0    # times as wide as a peak, or as narrow, that what its form lacks may be
-STAYED = 0.1    # of its power, that a line that wanders may have where it stayed a while
-AWAY, ON = 2.0, 0.5     # widths of the wider to where that may be, and between two that are one
+SHARPEST = 0.1  # of 1/T, the least width: what is narrower is not told from a line
+BLUNTEST = 3.0  # f0/width, at least: what is wider is no band
+NARROW, BROAD = 4, 2  # peaks from which fits start: those narrower than a bin, and others
+CLEAR = 5.0  # standard errors by which another one must stand out, but for the first
+SHARP = 100.0    # f0/width: of a larger one nothing but a peak draws it
+# f0/width of a peak no higher than what is around it: of a larger one displacement and velocity
+# look alike, and the first is fitted alone
+BLUNT = 30.0
+# in a part of a record a line that wanders is tried off its centre by so many widths, and so many
+# times as wide as in the whole
+MOVED = np.linspace(-1, 1, 17)
+NARROWER = 1.0, 0.7, 0.5, 0.35
+# of two peaks on each other the fainter is the shape of the stronger (choices): up to so many
+# times as wide or as narrow; the narrower with less than so much of the power of one that
+# wanders; within so many widths of the wider, where one of them wanders (ON) or both do, or one
+# that wanders stayed a while (AWAY)
+SKIRTS = 4.0
+STAYED = 0.1
+AWAY, ON = 2.0, 0.5
 FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
 
 

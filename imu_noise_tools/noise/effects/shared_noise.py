@@ -30,8 +30,8 @@ class SharedNoise(Coupling):
         'there; if it stays it is electrical.'
     )
     reference = 'Bendat and Piersol, Random Data, coherence functions'
-    normal = True
-    yields = True   # a step of all axes is no noise that they share
+    must_be_normal = True
+    yields = 'what several axes have in the mean'   # a step of them is no noise that they share
     needs = 'analyse a record with all axes of the sensor'
     decide = 'record on a heavy base, on another supply'
     parameters = (

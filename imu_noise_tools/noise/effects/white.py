@@ -23,7 +23,7 @@ class White(Spectrum):
         'setting does not change N, only the variance of a sample.'
     )
     reference = 'IEEE 952 C.1.1'
-    in_every_sensor = True
+    never_absent = True
     decide = 'record again'
     own = flat = True
     parameters = (
