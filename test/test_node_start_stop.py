@@ -15,7 +15,7 @@ from params import daily
 import pytest
 import yaml
 
-from nodes_support import NODES, wait_for
+from nodes_support import DiagnosticArray, Float64MultiArray, NODES, wait_for
 
 
 @pytest.fixture(scope='module')
@@ -95,3 +95,49 @@ def test_layouts_of_viewers_show_topics_and_services_that_exist(ros, root, table
         return {f for f in shown if not any(f == n or f.startswith(f'{n}/') for n in there)}
     assert wait_for(lambda: not strangers(names())), strangers(names())
     assert len({n for n in names() for f in shown if f == n or f.startswith(f'{n}/')}) > 12
+
+
+@pytest.fixture
+def hurried(ros, monkeypatch, capfd):
+    """Yield a filter in this process; it tells each 20 ms, and fails in what it tells first."""
+    from imu_noise_tools.nodes.aside import Aside
+    from imu_noise_tools.nodes.filter import Filter
+    timer = Aside.create_timer
+
+    def broken(self):
+        raise ValueError('broken on purpose')
+    monkeypatch.setattr(Aside, 'create_timer', lambda self, _, *a, **k: timer(self, 0.02, *a, **k))
+    monkeypatch.setattr(Filter, '_tell', broken)
+    node = Filter()
+    yield node
+    node.finish()
+    node.destroy_node()
+
+
+def test_what_fails_beside_the_filter_is_logged_and_all_else_goes_on(ros, hurried, capfd):
+    """Of a timer that fails at each tick a line or so is logged, not fifty a second."""
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        assert wait_for(lambda: len(got) > 20, 10), 'nothing is told any more'
+    good, said = ros.trigger('/filter/history', 10)
+    assert not good and 'nobody publishes' in said['error']
+    assert capfd.readouterr().err.count('ValueError: broken on purpose') == 1
+
+
+def test_a_message_that_cannot_be_read_does_not_end_following(ros, capfd):
+    from imu_noise_tools.nodes.follow import Follower
+    from imu_noise_tools.nodes.topics import result
+    name = f'{ros.namespace()}/analyser'
+    bad = ros.node.create_publisher(Float64MultiArray, f'{name}/allan/gyro_x', result())
+    good = ros.node.create_publisher(DiagnosticArray, f'{name}/status', result())
+    bad.publish(Float64MultiArray())
+    follower = Follower(name)
+    try:
+        def logged():
+            return 'Traceback' in capfd.readouterr().err
+        assert wait_for(logged, 10)
+        good.publish(DiagnosticArray())
+        assert wait_for(lambda: 'status' in follower.said, 10), 'it hears nothing any more'
+    finally:
+        follower.close()
+        for publisher in (bad, good):
+            ros.node.destroy_publisher(publisher)
