@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import signal
 import xml.etree.ElementTree as ElementTree
@@ -15,7 +16,7 @@ from params import daily
 import pytest
 import yaml
 
-from nodes_support import DiagnosticArray, Float64MultiArray, NODES, wait_for
+from nodes_support import DiagnosticArray, Float64MultiArray, NODES, Parameter, wait_for
 
 
 @pytest.fixture(scope='module')
@@ -56,6 +57,8 @@ def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root
         found = ros.values_of(process.full, own - {'bag'})
         assert {k: v if np.isscalar(v) else list(v) for k, v in found.items()} == {
             k: v for k, v in given.items() if k != 'bag'}
+        assert set(re.findall(r'(?m)^    (\w+): .*\(fixed\)$', text)) == {
+            n for n in own if described[n].read_only}, process.name
 
 
 @pytest.mark.parametrize('cases', daily([0, 1], 0), ids=['of meaning', 'of type and range'])
@@ -98,8 +101,23 @@ def test_layouts_of_viewers_show_topics_and_services_that_exist(ros, root, table
 
 
 @pytest.fixture
-def hurried(ros, monkeypatch, capfd):
-    """Yield a filter in this process; it tells each 20 ms, and fails in what it tells first."""
+def make_filter(ros):
+    """Return a function that makes a filter node in this process."""
+    from imu_noise_tools.nodes.filter import Filter
+    made = []
+
+    def make():
+        made.append(Filter())
+        return made[-1]
+    yield make
+    for node in made:
+        node.finish()
+        node.destroy_node()
+
+
+def test_what_fails_beside_the_filter_is_logged_and_all_else_goes_on(
+        ros, make_filter, monkeypatch, capfd):
+    """A timer fails at each tick, every 20 ms here: that is logged once."""
     from imu_noise_tools.nodes.aside import Aside
     from imu_noise_tools.nodes.filter import Filter
     timer = Aside.create_timer
@@ -108,17 +126,10 @@ def hurried(ros, monkeypatch, capfd):
         raise ValueError('broken on purpose')
     monkeypatch.setattr(Aside, 'create_timer', lambda self, _, *a, **k: timer(self, 0.02, *a, **k))
     monkeypatch.setattr(Filter, '_tell', broken)
-    node = Filter()
-    yield node
-    node.finish()
-    node.destroy_node()
-
-
-def test_what_fails_beside_the_filter_is_logged_and_all_else_goes_on(ros, hurried, capfd):
-    """Of a timer that fails at each tick a line or so is logged, not fifty a second."""
+    make_filter()
     with ros.listening('/diagnostics', DiagnosticArray) as got:
-        assert wait_for(lambda: len(got) > 20, 10), 'nothing is told any more'
-    good, said = ros.trigger('/filter/history', 10)
+        assert wait_for(lambda: len(got) > 20), 'nothing is told any more'
+    good, said = ros.trigger('/filter/history')
     assert not good and 'nobody publishes' in said['error']
     assert capfd.readouterr().err.count('ValueError: broken on purpose') == 1
 
@@ -134,10 +145,28 @@ def test_a_message_that_cannot_be_read_does_not_end_following(ros, capfd):
     try:
         def logged():
             return 'Traceback' in capfd.readouterr().err
-        assert wait_for(logged, 10)
+        assert wait_for(logged)
         good.publish(DiagnosticArray())
-        assert wait_for(lambda: 'status' in follower.said, 10), 'it hears nothing any more'
+        assert wait_for(lambda: 'status' in follower.said), 'it hears nothing any more'
     finally:
         follower.close()
         for publisher in (bad, good):
             ros.node.destroy_publisher(publisher)
+
+
+def test_the_file_of_the_paper_states_its_filter(make_filter, root):
+    """R and q are those of the paper in SI; the node takes every one, and runs what they say."""
+    text = (root / 'config' / 'adis16350.yaml').read_text()
+    given = yaml.safe_load(text)['/**']['ros__parameters']
+    device = given.pop('device')
+    given.pop('paper')
+    flat = {f'{k}.{x}' if isinstance(v, dict) else k: y for k, v in given.items()
+            for x, y in (v.items() if isinstance(v, dict) else [(k, v)])}
+    node = make_filter()
+    answer = node.set_parameters_atomically([Parameter(k, value=v) for k, v in flat.items()])
+    assert answer.successful, answer.reason
+    ran = node._engine.design
+    values = {e.name: dict(e.values) for e in (*ran.motion[0], *ran.noise[0])}
+    r, q = (pytest.approx(math.radians(x) ** 2) for x in (device['noise_deg_s'], 0.02))
+    assert ran.alpha == 0.7 and values == {
+        'constant_rate': {}, 'ar_increment': {'phi': device['phi'], 'q': q}, 'white': {'R': r}}
