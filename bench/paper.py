@@ -58,11 +58,7 @@ def static(d: dict, rate: float, seed: int, runs: int) -> np.ndarray:
 
 def seed_values(p: dict) -> dict:
     """Return the paper's filter in SI."""
-    f = p['filter']
-    return {
-        'white': {'R': f['r_deg2_s2'] * DEG**2},
-        'ar_increment': {'phi': f['phi'], 'q': f['q_deg2_s2'] * DEG**2},
-    }
+    return {name: p[name] for name in ('white', 'ar_increment')}
 
 
 def errors(p, z, truth, rate, motion=SEED, alpha=1.0, values=None):

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The paper's chain on a record at rest: outliers, stationarity, order, coefficient, whiteness.
+What Qian et al. 2010 do with a record at rest, step by step, each a line of a report.
 
-Each a line of a report.
+Outliers, stationarity, order, coefficient, whiteness.
 
 Qian, Xia, Que, Zhang 2010; Box, Jenkins (order and adequacy); Bendat, Piersol 4.5.2 (reverse
 arrangements).

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures that only the paper's experiments draw."""
+"""Figures that only the experiments of Qian et al. 2010 (paper.py) draw."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@
 Judge the installed command on records of wild_mechanisms.py, as a black box.
 
 Each record is written as an .npz and given to ``imu_noise analyse`` and ``imu_noise diagnose
---json`` as processes; only their JSON is judged (DESIGN, sections 4 and 7).  One line of JSON per
-record and axis goes to the output as it is done, so that a run can be broken off and taken up
-again; a table with shares and 95 % Wilson intervals ends it:
+--json`` as processes; only their JSON is judged (what the words mean: doc/theory/loop.md).  One
+line of JSON per record and axis goes to the output as it is done, so that a run can be broken off
+and taken up again; a table with shares and 95 % Wilson intervals ends it:
 
     python bench/wild.py --kind one --count 100 --seed 0 --jobs 2 -o one.jsonl
     python bench/wild.py --table one.jsonl nothing.jsonl

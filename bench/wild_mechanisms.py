@@ -15,7 +15,7 @@ The truth of a record says for each hidden effect its name in the library (``out
 there is none), form, parameters, axes, the names that are accepted, and for each axis
 
 * ``strength``: the largest ratio of Allan deviations effect/base over tau <= T/10, or
-  ``|var_with/var_base - 1|**0.5`` for an effect that does not add (DESIGN, section 7);
+  ``|var_with/var_base - 1|**0.5`` for an effect that does not add;
 * ``clear``: the expected log-likelihood gain, in nats, of a perfect method told the true model
   over the base model (white, flicker, random walk) refitted, all *other* hidden effects taken as
   known:

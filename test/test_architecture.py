@@ -343,7 +343,7 @@ def test_nobody_asks_for_a_member_by_its_name(sources):
 NAMED = {
     'noise/effects/drift.py': 'a feature of the mean that a ramp explains as well',
     'noise/null.py': 'thresholds, drawn effect by effect',
-    'noise/classic.py': 'the seed\'s rules of reading a curve: Q N B K R',
+    'noise/classic.py': 'the classic rules of reading a curve: Q N B K R',
     'export/_values.py': 'N, B and K, which exports map to what others read',
     'sheet.py': 'N, B and K as sheets state them',
     'tasks/plan.py': 'N, B and K given on the command line',

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop on innovations, the paper's chain and trends, and the command that filters a bag."""
+"""The loop on innovations, the trends of Qian et al. 2010, and the command that filters a bag."""
 
 from __future__ import annotations
 
@@ -214,7 +214,7 @@ def rocking_error(amplitude, rate=100.0, alpha=1.0, motion=SEED, seed=8, n=6000)
 
 def test_the_paper_at_rest_and_at_constant_rate():
     still = rocking_error(0.0)
-    assert still == pytest.approx(0.082, rel=0.2)  # 0.60 in; the paper's 0.0869 is of 0.635
+    assert still == pytest.approx(0.082, rel=0.2)  # 0.60 in; 0.0869 of 0.635 in Qian et al. 2010
     t, z = np.arange(6000) / 100, 0.6 * np.random.default_rng(8).standard_normal((6000, 1))
     base = filter_record(t, z * DEG, design(SEED, values=STATED, axes=1), 100.0).rate
     for rate in (2, 5, 10, 100):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import signal
 import xml.etree.ElementTree as ElementTree
@@ -15,7 +16,7 @@ from params import daily
 import pytest
 import yaml
 
-from nodes_support import NODES, wait_for
+from nodes_support import DiagnosticArray, Float64MultiArray, NODES, Parameter, wait_for
 
 
 @pytest.fixture(scope='module')
@@ -56,6 +57,8 @@ def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root
         found = ros.values_of(process.full, own - {'bag'})
         assert {k: v if np.isscalar(v) else list(v) for k, v in found.items()} == {
             k: v for k, v in given.items() if k != 'bag'}
+        assert set(re.findall(r'(?m)^    (\w+): .*\(fixed\)$', text)) == {
+            n for n in own if described[n].read_only}, process.name
 
 
 @pytest.mark.parametrize('cases', daily([0, 1], 0), ids=['of meaning', 'of type and range'])
@@ -95,3 +98,75 @@ def test_layouts_of_viewers_show_topics_and_services_that_exist(ros, root, table
         return {f for f in shown if not any(f == n or f.startswith(f'{n}/') for n in there)}
     assert wait_for(lambda: not strangers(names())), strangers(names())
     assert len({n for n in names() for f in shown if f == n or f.startswith(f'{n}/')}) > 12
+
+
+@pytest.fixture
+def make_filter(ros):
+    """Return a function that makes a filter node in this process."""
+    from imu_noise_tools.nodes.filter import Filter
+    made = []
+
+    def make():
+        made.append(Filter())
+        return made[-1]
+    yield make
+    for node in made:
+        node.finish()
+        node.destroy_node()
+
+
+def test_what_fails_beside_the_filter_is_logged_and_all_else_goes_on(
+        ros, make_filter, monkeypatch, capfd):
+    """A timer fails at each tick, every 20 ms here: that is logged once."""
+    from imu_noise_tools.nodes.aside import Aside
+    from imu_noise_tools.nodes.filter import Filter
+    timer = Aside.create_timer
+
+    def broken(self):
+        raise ValueError('broken on purpose')
+    monkeypatch.setattr(Aside, 'create_timer', lambda self, _, *a, **k: timer(self, 0.02, *a, **k))
+    monkeypatch.setattr(Filter, '_tell', broken)
+    make_filter()
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        assert wait_for(lambda: len(got) > 20), 'nothing is told any more'
+    good, said = ros.trigger('/filter/history')
+    assert not good and 'nobody publishes' in said['error']
+    assert capfd.readouterr().err.count('ValueError: broken on purpose') == 1
+
+
+def test_a_message_that_cannot_be_read_does_not_end_following(ros, capfd):
+    from imu_noise_tools.nodes.follow import Follower
+    from imu_noise_tools.nodes.topics import result
+    name = f'{ros.namespace()}/analyser'
+    bad = ros.node.create_publisher(Float64MultiArray, f'{name}/allan/gyro_x', result())
+    good = ros.node.create_publisher(DiagnosticArray, f'{name}/status', result())
+    bad.publish(Float64MultiArray())
+    follower = Follower(name)
+    try:
+        def logged():
+            return 'Traceback' in capfd.readouterr().err
+        assert wait_for(logged)
+        good.publish(DiagnosticArray())
+        assert wait_for(lambda: 'status' in follower.said), 'it hears nothing any more'
+    finally:
+        follower.close()
+        for publisher in (bad, good):
+            ros.node.destroy_publisher(publisher)
+
+
+def test_the_file_of_the_paper_states_its_filter(make_filter, root):
+    """R and q are those of the paper in SI; the node takes every one, and runs what they say."""
+    text = (root / 'config' / 'adis16350.yaml').read_text()
+    given = yaml.safe_load(text)['/**']['ros__parameters']
+    device = given.pop('device')
+    given.pop('paper')
+    flat = {f'{k}.{x}' if isinstance(v, dict) else k: y for k, v in given.items()
+            for x, y in (v.items() if isinstance(v, dict) else [(k, v)])}
+    node = make_filter()
+    answer = node.set_parameters_atomically([Parameter(k, value=v) for k, v in flat.items()])
+    assert answer.successful, answer.reason
+    ran = node._engine.design
+    values = {e.name: dict(e.values) for e in (*ran.motion[0], *ran.noise[0])}
+    r, q = (pytest.approx(math.radians(x) ** 2) for x in (device['noise_deg_s'], 0.02))
+    assert ran.alpha == 0.7 and values == {
+        'constant_rate': {}, 'ar_increment': {'phi': device['phi'], 'q': q}, 'white': {'R': r}}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The paper's chain for a record at rest, which bench/paper.py prints."""
+"""The chain of Qian et al. 2010 for a record at rest, which bench/paper.py prints."""
 
 from __future__ import annotations
 

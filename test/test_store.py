@@ -117,7 +117,7 @@ def test_a_diagnosis_by_a_former_name_of_a_parameter(folder):
 
 
 def test_form_of_the_file(folder):
-    """What DESIGN calls a contract: names, nulls with limits, plain numbers."""
+    """Others read it, so it stays as it is: names, nulls with limits, plain numbers."""
     data = yaml.safe_load((folder / 'study.yaml').read_text(encoding='utf-8'))
     assert list(data) == ['format', 'domain', 'source', 'targets', 'history', 'diagnosis']
     assert data['format'] == 'imu_noise_study/1' and data['diagnosis'] == {}

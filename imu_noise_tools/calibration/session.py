@@ -95,9 +95,10 @@ class Session:
         self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
     ) -> None:
         """
-        Take one sample: gyro (3,) rad/s, accel (3,) m/s^2.
+        Take one sample: gyro (3,) rad/s, accel (3,) m/s^2, temperature in deg C where it is known.
 
-        One that is not finite or goes back is dropped.
+        One that is not finite or goes back is dropped. The node knows no temperature, which has a
+        topic of its own: what a sensor does with it, a recorded session shows.
 
         """
         values = (*gyro, *accel)
@@ -123,6 +124,7 @@ class Session:
         Average the still window (or take the turn) that ends now, and say what is left.
 
         ``expected`` is the face the person says is up: the opposite one means a sign upside down.
+        It is for callers from Python; the node's service takes no argument, and says which it saw.
 
         Raises
         ------

@@ -66,7 +66,7 @@ class ArIncrement(Motion):
     """
     The increments of the rate, message by message, are a first-order autoregression.
 
-    The paper's augmentation.
+    The augmentation of Qian et al. 2010.
 
     """
 
@@ -93,7 +93,7 @@ class ArIncrement(Motion):
 
     @classmethod
     def example(cls) -> Effect:
-        """Return the paper's: phi = 0.107, q = 4e-4 (deg/s)^2."""
+        """Return that of Qian et al. 2010: phi = 0.107, q = 4e-4 (deg/s)^2."""
         return cls({'phi': 0.107, 'q': 4e-4 * DEG ** 2})
 
     @classmethod
@@ -102,7 +102,7 @@ class ArIncrement(Motion):
         return [cls({'phi': 0.1, 'q': f * look.r}) for f in (1e-6, 1e-4, 1e-2, 1.0)]
 
     def block(self, dt: float) -> Block:
-        """Return one step, whatever dt: the paper counts in messages."""
+        """Return one step, whatever dt: Qian et al. 2010 count in messages."""
         phi, q = self['phi'], self['q']
         return _integrator([[1, 1], [0, phi]], [[0, 0], [0, q]], q / (1 - phi ** 2))
 
@@ -355,7 +355,7 @@ class Harmonic(Oscillation, Motion):
 
     @classmethod
     def example(cls) -> Effect:
-        """Return the paper's rocking by 50 deg at 10 s."""
+        """Return the rocking of Qian et al. 2010 by 50 deg at 10 s."""
         return cls({'amplitude': 31.4 * DEG, 'frequency': 0.1, 'tc': 1e4})
 
 

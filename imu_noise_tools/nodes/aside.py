@@ -16,6 +16,8 @@ from typing import Any
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from .run import spin_aside
+
 
 class Aside:
     """
@@ -40,7 +42,8 @@ class Aside:
                           enable_rosout=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread = threading.Thread(target=spin_aside, daemon=True, args=(
+            self._executor, self._stop, node.get_logger()))
         self._pool: Pool | None = None
 
     def begin(self) -> None:
@@ -62,10 +65,6 @@ class Aside:
         if self._pool is None:
             self._pool = get_context('spawn').Pool(1, _modest)
         return self._pool.apply(function, args)
-
-    def _spin(self) -> None:
-        while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.2)
 
     def get_logger(self) -> Any:
         """Return the logger of the other node."""

@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from . import messages
+from .run import spin_aside
 from .topics import result
 from ..core.errors import InputError
 from ..core.files import plain_yaml
@@ -66,7 +67,8 @@ class Follower:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread = threading.Thread(target=spin_aside, daemon=True, args=(
+            self._executor, self._stop, self._node.get_logger()))
         self._thread.start()
 
     def _listen(self, kind: Any, topic: str, take: Callable[[Any], None]) -> None:
@@ -85,10 +87,6 @@ class Follower:
                                 for s in message.status]
             self.version += 1
         return take
-
-    def _spin(self) -> None:
-        while not self._stop.is_set():
-            self._executor.spin_once(timeout_sec=0.2)
 
     def call(self, service: str) -> dict[str, Any]:
         """

@@ -11,6 +11,8 @@ import os
 import signal
 import sys
 import threading
+import time
+import traceback
 from typing import Any
 
 import rclpy
@@ -24,6 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..core.errors import ImuNoiseError
 
+_REPEATED = 60.0            # s after which what goes on failing is logged again
+_PAUSE = 0.02               # s; what fails at once, again and again, must not take a core
 _busy: list[object] = []
 _ending = threading.Event()
 
@@ -91,6 +95,29 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None,
         sys.stderr.flush()
         os._exit(status)
     return status
+
+
+def spin_aside(executor: Any, stop: threading.Event, logger: Any) -> None:
+    """
+    Take callbacks beside the stream until ``stop`` is set: what a thread of its own runs.
+
+    An executor raises what a callback did, which would end the thread without a word, and with it
+    every service and timer that it has. It is logged, once a minute of each place that raises.
+
+    """
+    logged: dict[Any, float] = {}
+    while not stop.is_set() and executor.context.ok():
+        try:
+            executor.spin_once(timeout_sec=0.2)
+        except Exception as error:
+            if stop.is_set() or not executor.context.ok():
+                return                          # taken down while it worked
+            place, now = traceback.extract_tb(error.__traceback__)[-1], time.monotonic()
+            where = (type(error), place.filename, place.lineno)
+            if now - logged.get(where, -_REPEATED) >= _REPEATED:
+                logged[where] = now
+                logger.error(traceback.format_exc())
+            stop.wait(_PAUSE)
 
 
 def _close(node, executor) -> None:
