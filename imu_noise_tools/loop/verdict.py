@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Every threshold of a verdict, and the one meaning of each of its words.
+The one meaning of each word of a verdict, and the thresholds that these words rest on.
 
 *fails*, *within chance*, *beyond chance*, *falls*, *sufficient*, *missing*, *unknown*, *complete*
 and *undecidable* mean the same on the terminal, the page, the pictures, the nodes and in JSON,
