@@ -119,6 +119,8 @@ class ImuRecord:
     beside : tuple of ImuRecord
         Records of sensors that have a clock of their own (a camera's accelerometer, on a topic of
         its own); nothing done to this record is done to them.
+    input_unit : mapping of str to str
+        By sensor, the unit that the samples came in where somebody said which; they are in SI.
 
     """
 
@@ -139,6 +141,7 @@ class ImuRecord:
     missing: int = 0
     stuck: tuple[str, ...] = ()
     beside: tuple[ImuRecord, ...] = ()
+    input_unit: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def streams(self) -> tuple[ImuRecord, ...]:
@@ -162,7 +165,8 @@ class ImuRecord:
                 columns = [np.interp(at, other.t, x) for x in known.T]
                 out = replace(out.warned(
                     f'{other.topic or other.path or sensor}: the {sensor} is sampled at other '
-                    'times; it was interpolated'), **{sensor: np.stack(columns).T})
+                    'times; it was interpolated'), **{sensor: np.stack(columns).T},
+                    input_unit={**out.input_unit, **other.input_unit})
         return out
 
     @property

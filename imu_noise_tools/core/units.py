@@ -20,6 +20,11 @@ _SI = {
 DEG = math.pi / 180
 G0 = 9.80665
 HOUR = 3600.0
+SI = {sensor: names['rate'] for sensor, names in _SI.items()}
+#: what samples may come in: factor to SI
+GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
+ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+INPUT = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS}
 
 # (sensor, template): factor by which SI is divided, and the field's unit. IEEE 952 Table C.1.
 _FIELD = {

@@ -139,6 +139,13 @@ def motion_doubts(record: ImuRecord) -> list[str]:
     return [*([': '.join(stamps)] if stamps else []), *too_fast(record), *ends]
 
 
+def unit_doubts(record: ImuRecord) -> list[str]:
+    """Return what is doubtful about the units of any record, as it was recorded."""
+    record = ordered(record)
+    clocked = record.n >= LEAST_SAMPLES and fit_clock(record.t) is not None
+    return [*too_fast(record), *(_unit_doubts(record, moves=True) if clocked else ())]
+
+
 def _enough(record: ImuRecord) -> None:
     if record.n < LEAST_SAMPLES:
         raise InputError(f'{_name(record)} has only {record.n} samples, too few to analyse',

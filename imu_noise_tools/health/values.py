@@ -12,6 +12,7 @@ import numpy as np
 from ..core.clipped import ends_in_words
 from ..core.record import ImuRecord
 from ..core.stillness import finite_mean
+from ..core.units import ACCEL_UNITS
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
@@ -48,7 +49,7 @@ def wrong_units(record: ImuRecord) -> list[str]:
         if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(
                 f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
-                + _likely_accel(g)
+                + (_converted_twice(g, record.input_unit.get('accel')) or _likely_accel(g))
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
@@ -63,6 +64,12 @@ def wrong_units(record: ImuRecord) -> list[str]:
                 'if it is in deg/s, use --gyro-unit deg/s'
             )
     return said
+
+
+def _converted_twice(g: float, unit: str | None) -> str:
+    if unit and 7 <= g / ACCEL_UNITS[unit] <= 12.5:
+        return f'; it is in m/s^2 already, not in {unit}: use --accel-unit m/s^2'
+    return ''
 
 
 def _likely_accel(g: float) -> str:
