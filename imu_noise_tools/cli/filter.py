@@ -62,6 +62,7 @@ def register(commands: Any) -> None:
         help='a value of an effect, in SI, e.g. white.R=1e-4',
     )
     common.topic_options(c)
+    common.gyro_unit_option(c, 'that of the recording of --model, else rad/s')
     common.part_options(c)
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
@@ -121,6 +122,7 @@ def filter_bag(args: argparse.Namespace) -> int:
             values=values_of(args.values) or None,
             topic=args.topic,
             fields=args.fields,
+            gyro_unit=args.gyro_unit,
             selection=selection,
             rate_hz=args.rate_hz,
             force=args.force,

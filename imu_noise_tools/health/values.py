@@ -41,8 +41,13 @@ def is_constant(x: np.ndarray) -> bool:
     return not len(some) or bool(np.all(some == some[0]))
 
 
-def wrong_units(record: ImuRecord) -> list[str]:
-    """Return sentences where the values at rest are such as no IMU gives in SI."""
+def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
+    """
+    Return sentences where the values at rest are such as no IMU gives in SI.
+
+    Of one that may be on a table that ``turns``, a steady rate tells nothing.
+
+    """
     said = []
     if record.accel is not None:
         g = float(np.linalg.norm(finite_mean(record.accel)))
@@ -57,7 +62,7 @@ def wrong_units(record: ImuRecord) -> list[str]:
         density = _calmest(record.gyro) * np.sqrt(record.dt)
         # 30 deg/s of bias, 11 deg/s of sample noise, or 14 deg/sqrt(h) where it is calmest: no
         # gyro is so bad; the same numbers in deg/s are common.
-        if rate > 0.52 or scatter > 0.2 or density > LOUD:
+        if rate > 0.52 and not turns or scatter > 0.2 or density > LOUD:
             said.append(
                 f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
                 'at rest; '
@@ -113,7 +118,7 @@ def too_fast(record: ImuRecord) -> list[str]:
     most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
     return [f'wrong unit suspected: the gyro reads up to {most:.3g} rad/s '
             f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one; if it is in '
-            'deg/s, convert it (analyse and calibrate take --gyro-unit deg/s)']
+            'deg/s, use --gyro-unit deg/s']
 
 
 def unit_of_stamps(rate_hz: float | None, slowest: float = SLOWEST_HZ) -> tuple[str, str] | None:

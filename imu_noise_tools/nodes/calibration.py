@@ -23,9 +23,9 @@ from .run import run, threads_executor
 from .saving import free
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import HOLD_S
-from ..core.units import DEG, G0
+from ..core.units import DEG, G0, read_in
 from ..loop.study import Study
-from ..tasks.calibration import as_dict, assumed, doubts, FILE, read_in, Session
+from ..tasks.calibration import as_dict, assumed, doubts, FILE, Session
 
 
 class Calibration(Node):

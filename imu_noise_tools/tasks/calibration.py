@@ -20,7 +20,7 @@ from ..core import files
 from ..core.clipped import stays
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
-from ..core.units import DEG, INPUT, SI
+from ..core.units import DEG, INPUT, not_si, read_in, SI
 from ..health import in_motion, Selection, unit_doubts
 from ..loop.study import Study
 
@@ -363,18 +363,11 @@ def input_units(path: str | Path) -> dict[str, str]:
     path = path / FILE if path.is_dir() else path
     data = store.load_yaml(path)
     stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
-    if not isinstance(stated, dict) or any(
-            unit not in INPUT.get(sensor, ()) for sensor, unit in stated.items()):
+    found = not_si(stated)
+    if found is None:
         raise InputError(f'{path}: input_unit {stated} is not known',
                          'e.g. {accel: g, gyro: deg/s}')
-    return {s: unit for s, unit in stated.items() if unit != SI[s]}
-
-
-def read_in(units: Mapping[str, str], why: str) -> list[str]:
-    """Return a sentence where samples are converted, from which units and why."""
-    names = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
-    read = ' and '.join(f'the {names[s]} is read in {unit}' for s, unit in units.items())
-    return [f'{read} ({why}) and written in SI'] if units else []
+    return found
 
 
 def doubts(path: str | Path) -> list[str]:
