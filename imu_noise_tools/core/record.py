@@ -119,6 +119,8 @@ class ImuRecord:
     beside : tuple of ImuRecord
         Records of sensors that have a clock of their own (a camera's accelerometer, on a topic of
         its own); nothing done to this record is done to them.
+    given_rate_hz : float or None
+        Rate that somebody gave in place of the stamps: ``t`` counts by it.
     input_unit : mapping of str to str
         By sensor, the unit that the samples came in where somebody said which; they are in SI.
 
@@ -141,6 +143,7 @@ class ImuRecord:
     missing: int = 0
     stuck: tuple[str, ...] = ()
     beside: tuple[ImuRecord, ...] = ()
+    given_rate_hz: float | None = None
     input_unit: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -405,7 +405,8 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
     """Return sentences where the label or the receive times tell another rate."""
     stamps = unit_of_stamps(record.rate_hz)
     said = [': '.join(stamps)] if stamps else []
-    label = record.labelled_rate_hz
+    given = record.given_rate_hz is not None
+    label = None if given else record.labelled_rate_hz
     if label and abs(label / record.rate_hz - 1) > 0.01:
         said.append(
             f'the stamps give {record.rate_hz:.6g} Hz where the file says {label:.6g} Hz; the '
@@ -414,9 +415,8 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
     if record.receive_t is not None and record.n > 1:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
-            said.append(
-                f'the stamps span {record.duration_s:.5g} s and the receive times '
-                f'{span:.5g} s; '
-                'the stamps were used'
-            )
+            what = 'the samples at --rate-hz' if given else 'the stamps'
+            said.append(f'{what} span {record.duration_s:.5g} s and the receive times '
+                        f'{span:.5g} s; the {"rate" if given else "stamps"} '
+                        f'{"was" if given else "were"} used')
     return said
