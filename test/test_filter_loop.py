@@ -718,3 +718,20 @@ def test_the_filter_reads_the_unit_of_the_model_and_says_where_none_fits(tmp_pat
     assert np.max(np.std(left, axis=0)) < 1e-3
     assert main([*run, '--model', str(tmp_path / 'model'), '--gyro-unit', 'rad/s']) == 0
     assert 'use --gyro-unit deg/s' in capsys.readouterr().err
+
+
+def test_what_is_slow_is_no_noise_of_a_sample(tmp_path, capsys):
+    """An hour's uncertainty of the bias stood under that name; each part is said by itself."""
+    path, out = tmp_path / 'x.npz', tmp_path / 'f.npz'
+    t, gyro, accel = (x[:600] for x in turning())
+    np.savez(path, t=t, gyro=gyro, accel=accel)
+    run = ['filter', str(path), '-o', str(out), '--force', '--motion', 'constant_rate',
+           '--set', 'white.R=4e-6']
+    assert main(run) == 0
+    assert 'noise of a sample, deg/s  ' in (said := capsys.readouterr().out)
+    assert 'correlated in time' not in said
+    assert main([*run, '--noise', 'white,gauss_markov', '--set', 'gauss_markov.sigma=0.01',
+                 '--set', 'gauss_markov.tc=30']) == 0
+    said = capsys.readouterr().out
+    assert 'error of a rate, deg/s' in said and 'white noise of a sample 0.1146' in said
+    assert 'bias) 0.5730' in said

@@ -84,6 +84,7 @@ class Done:
                         'lag1': f.lag1,
                         'kurtosis': f.kurtosis,
                         'samples': f.n,
+                        **parts_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_before': noise_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
                     }
@@ -333,6 +334,12 @@ def noise_of_a_sample(model: Model, dt: float) -> float:
     """
     b = output_noise(model, dt)
     return float(np.sqrt(b.r + b.h @ b.p0 @ b.h))
+
+
+def parts_of_a_sample(model: Model, dt: float) -> dict[str, float]:
+    """Return the standard deviations, rad/s, of what of it is white and of what wanders."""
+    b = output_noise(model, dt)
+    return {'sigma_white': float(np.sqrt(b.r)), 'sigma_slow': float(np.sqrt(b.h @ b.p0 @ b.h))}
 
 
 def input_unit(folder: str | Path) -> str | None:
