@@ -627,7 +627,7 @@ def calibrate(source: Source | Iterable[Source], *, topic: str | None = None,
 
 
 def filter(source: Source, out: str | Path | None = None, *, topic: str | None = None,
-           **options: Any) -> Study:
+           gyro_unit: str | None = None, **options: Any) -> Study:
     """
     Filter the rates of a bag, or of a record at hand; return the study of its innovations.
 
@@ -642,6 +642,8 @@ def filter(source: Source, out: str | Path | None = None, *, topic: str | None =
         The bag to write, of the same kind.
     topic : str or None
         The Imu topic, where there are several.
+    gyro_unit : str or None
+        Unit of the rates of a bag; by default that of the recording of ``model``.
     options
         Those of :func:`imu_noise_tools.tasks.filter.filter_bag`.
 
@@ -654,11 +656,14 @@ def filter(source: Source, out: str | Path | None = None, *, topic: str | None =
     if out is not None:
         if isinstance(source, ImuRecord):
             raise UsageError('out is for a bag', 'give the path of the bag')
-        done = filtering.filter_bag(source, out, topic=topic, **options)
+        done = filtering.filter_bag(
+            source, out, topic=topic, gyro_unit=gyro_unit, **options)
         record = bag.open_record(done.bag or out, filtering.TOPIC)
     else:
+        if gyro_unit is None and options.get('model') is not None:
+            gyro_unit = filtering.input_unit(options['model'])
         given = (source.united() if isinstance(source, ImuRecord)
-                 else bag.open_record(source, topic))
+                 else bag.open_record(source, topic, gyro_unit=gyro_unit))
         record, done = filtering.filter_samples(given, **options)
     if done.study is None:
         raise InputError('no study of the innovations: ' + '; '.join(done.notes),

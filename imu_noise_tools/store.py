@@ -40,6 +40,7 @@ _SHAPE = {
     'source!': {
         **dict.fromkeys(('rate_hz', 'duration_s', 'samples', 'start', 'begin_s'), _NUMBER),
         'warnings': [str],
+        'input_unit': {str: str},
     },
     'targets!': {str: {'effects!': {str: {'effect!': str, str: _ESTIMATE}}}},
     'history!': [

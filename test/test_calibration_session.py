@@ -18,6 +18,7 @@ from imu_noise_tools import calibration as core
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import FitError, InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.units import G0
 from imu_noise_tools.tasks import calibration as tasks
 
 DEG = np.pi / 180
@@ -422,6 +423,69 @@ def test_apply_says_what_it_assumes_and_what_is_missing(faces_npz, tmp_path, cap
     with np.load(tmp_path / 'better.npz') as new:
         off = warm['accel'] - new[next(k for k in new.files if k.startswith('accel_'))]
     np.testing.assert_allclose(off, np.tile([0.1, 0, 0], (len(off), 1)), atol=1e-9)
+
+
+def stated(path, **said):
+    """Write a calibration with a bias of (0.1, 0, 0) m/s^2 that says so of its input."""
+    path.write_text(yaml.safe_dump({'sensor': 'accel', 'S': np.eye(3).tolist(),
+                                    'bias': [0.1, 0, 0], **said}))
+    return path
+
+
+@pytest.mark.parametrize('sent, said, options, read, warned', [
+    ('g', 'g', (), 'g', r'read in g \(as the calibration\'s recording was\)'),
+    ('g', None, (), 'm/s^2', 'if it is in g, use --accel-unit g'),
+    ('g', 'm/s^2', ('--accel-unit', 'g'), 'g', r'read in g \(as told\)'),
+    ('m/s^2', 'g', ('--accel-unit', 'm/s^2'), 'm/s^2', None),
+    ('m/s^2', 'mg', (), 'mg', None),
+    ('m/s^2', 'g', (), 'g', 'already, not in g: use --accel-unit'),
+    ('m/s^2', None, (), 'm/s^2', None)])
+def test_apply_corrects_in_si_what_is_sent_in_another_unit(
+        tmp_path, capsys, sent, said, options, read, warned):
+    """The unit is the one told, else that of the calibration's recording; doubts are said."""
+    rng, factor = np.random.default_rng(31), {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+    accel = (0.01 * rng.standard_normal((3000, 3)) + [0, 0, G0]) / factor[sent]
+    bag = write(tmp_path / 'rest.npz', np.arange(3000) / 100, 0 * accel + 1e-4, accel)
+    file = stated(tmp_path / 'c.yaml', **({} if said is None else {'input_unit': {'accel': said}}))
+    assert main(['apply', str(bag), '-o', str(tmp_path / 'new.npz'), '--calibration', str(file),
+                 *options]) == 0
+    heard = capsys.readouterr().err
+    assert re.search(warned, heard) if warned else read != 'm/s^2' or heard == ''
+    with np.load(tmp_path / 'new.npz') as new:
+        np.testing.assert_allclose(new['accel_calibrated'], accel * factor[read] - [0.1, 0, 0])
+
+
+@pytest.mark.thorough
+def test_a_calibration_keeps_the_unit_of_what_it_was_made_from(faces_npz, tmp_path, capsys):
+    """Its numbers are the same as of a recording in SI, and a loop's step keeps the unit."""
+    bag, _ = faces_npz
+    with np.load(bag) as old:
+        data = dict(old)
+    data['accel'] = data['accel'] / G0
+    np.savez(tmp_path / 'in_g.npz', **data)
+    out = tmp_path / 'out'
+    whole = tasks.calibrate(bag, tmp_path / 'si')
+    done = tasks.calibrate(tmp_path / 'in_g.npz', out, accel_unit='g')
+    np.testing.assert_allclose(done.calibration.G, whole.calibration.G, atol=1e-9)
+    assert main(['add', str(out), 'quadratic']) == 0 and capsys.readouterr()
+    assert tasks.input_units(out) == {'accel': 'g'} and tasks.input_units(tmp_path / 'si') == {}
+
+
+def test_a_session_takes_samples_in_the_unit_of_the_file_that_it_loads(tmp_path):
+    """What it captures then is SI too; a reset forgets the unit, and an unknown is refused."""
+    session = tasks.Session()
+    session.load(stated(tmp_path / 'c.yaml', input_unit={'accel': 'g', 'gyro': 'deg/s'}))
+    gyro, accel = session.apply([180.0, 0, 0], [0, 0, 1.0])
+    np.testing.assert_allclose(gyro, [np.pi, 0, 0])
+    np.testing.assert_allclose(accel, [-0.1, 0, G0])
+    for k in range(400):
+        session.feed(k / 100, [0.0, 0, 0.01 * (k % 2)], [0, 0, 1 + 1e-3 * (k % 2)])
+    assert session.capture().name == '+z'
+    np.testing.assert_allclose(session.poses.outputs[:, 0], [0, 0, G0], rtol=1e-3, atol=1e-9)
+    session.reset()
+    np.testing.assert_array_equal(session.in_si([1, 0, 0], [0, 0, 1]), [[1, 0, 0], [0, 0, 1]])
+    with pytest.raises(InputError, match='input_unit .* is not known'):
+        session.load(stated(tmp_path / 'c.yaml', input_unit={'accel': 'ft/s^2'}))
 
 
 def test_failing_commands_leave_nothing(tmp_path, capsys):

@@ -26,9 +26,10 @@ from imu_noise_tools.filter.output_noise import NoiseLevel, Outliers, SamplingJi
 from imu_noise_tools.filter.placed import bridged, placed
 from imu_noise_tools.filter.problem import arrays_of, FilterProblem, problem_of, problems, START
 from imu_noise_tools.filter.recorded import filter_record
+from imu_noise_tools.health import motion_doubts
 from imu_noise_tools.loop.effect import Model, model_of
 from imu_noise_tools.loop.study import Study
-from imu_noise_tools.tasks.filter import filter_samples, noise_of_a_sample
+from imu_noise_tools.tasks.filter import filter_samples, input_unit, noise_of_a_sample
 
 RATE, N = 100.0, 6000
 SAMPLES = 1500                                    # of a recording that commands filter
@@ -679,3 +680,58 @@ def test_lost_samples_all_over_a_record_are_said():
     with pytest.raises(InputError, match='samples in a row at most.*lost.*places') as error:
         problem_of(t, rng.normal(size=len(t)), 'gyro_x')
     assert f'of {len(t)} samples' in error.value.message and 'queue' in error.value.remedy
+
+
+def turning():
+    """Return stamps, rates and accelerations on a table that turns all the while, SI."""
+    rng, t = np.random.default_rng(4), np.arange(3000) / RATE
+    gyro = 2e-3 * rng.standard_normal((3000, 3)) + [0, 0, 1.0]
+    return t, gyro, 0.01 * rng.standard_normal((3000, 3)) + [0, 0, 9.8]
+
+
+def test_a_table_that_turns_is_no_wrong_unit_and_deg_s_are():
+    """By the noise: a steady rate may be either."""
+    t, gyro, accel = turning()
+    assert motion_doubts(ImuRecord(gyro, accel, t, RATE)) == []
+    said, = motion_doubts(ImuRecord(np.degrees(gyro - [0, 0, 1]), accel, t, RATE))
+    assert 'if it is in deg/s, use --gyro-unit deg/s' in said
+
+
+@pytest.mark.thorough
+def test_the_filter_reads_the_unit_of_the_model_and_says_where_none_fits(tmp_path, capsys):
+    """In deg/s with a model in rad/s it did nothing, silently."""
+    t, gyro, accel = turning()
+    np.savez(tmp_path / 'deg.npz', t=t, gyro=np.degrees(gyro - [0, 0, 1]), accel=accel)
+    run = ['filter', str(tmp_path / 'deg.npz'), '-o', str(tmp_path / 'f.npz'), '--force']
+    assert main([*run, '--set', 'white.R=4e-6']) == 0
+    assert 'if it is in deg/s, use --gyro-unit deg/s' in capsys.readouterr().err
+    assert main([*run, '--set', 'white.R=4e-6', '--gyro-unit', 'deg/s']) == 0
+    said = capsys.readouterr().err
+    assert 'read in deg/s (as told)' in said and 'wrong unit' not in said
+    model = tmp_path / 'f.npz.study'        # its recording was in deg/s
+    model.rename(tmp_path / 'model')
+    assert input_unit(tmp_path / 'model') == 'deg/s'
+    assert main([*run, '--model', str(tmp_path / 'model')]) == 0
+    assert 'read in deg/s (as the model\'s recording was)' in capsys.readouterr().err
+    with np.load(tmp_path / 'f.npz') as new:
+        left = new['gyro_filtered'][500:]
+    assert np.max(np.std(left, axis=0)) < 1e-3
+    assert main([*run, '--model', str(tmp_path / 'model'), '--gyro-unit', 'rad/s']) == 0
+    assert 'use --gyro-unit deg/s' in capsys.readouterr().err
+
+
+def test_what_is_slow_is_no_noise_of_a_sample(tmp_path, capsys):
+    """An hour's uncertainty of the bias stood under that name; each part is said by itself."""
+    path, out = tmp_path / 'x.npz', tmp_path / 'f.npz'
+    t, gyro, accel = (x[:600] for x in turning())
+    np.savez(path, t=t, gyro=gyro, accel=accel)
+    run = ['filter', str(path), '-o', str(out), '--force', '--motion', 'constant_rate',
+           '--set', 'white.R=4e-6']
+    assert main(run) == 0
+    assert 'noise of a sample, deg/s  ' in (said := capsys.readouterr().out)
+    assert 'correlated in time' not in said
+    assert main([*run, '--noise', 'white,gauss_markov', '--set', 'gauss_markov.sigma=0.01',
+                 '--set', 'gauss_markov.tc=30']) == 0
+    said = capsys.readouterr().out
+    assert 'error of a rate, deg/s' in said and 'white noise of a sample 0.1146' in said
+    assert 'bias) 0.5730' in said

@@ -14,7 +14,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imu_noise_tools import store
-from imu_noise_tools.bag import open_record
+from imu_noise_tools.bag import open_record, write_bag
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.clock import fit_clock
 from imu_noise_tools.core.errors import InputError, UsageError
@@ -609,3 +609,28 @@ def test_a_coarse_output_repeats_by_itself(what):
     (said,) = (s for s in examine(record).advice if 'repeat the one before' in s)
     assert ('publishes faster' in said) == (what != 'coarse')
     assert ('steps of the output' in said) == (what == 'coarse')
+
+
+@pytest.mark.parametrize('rate', [100.0, 37.0])
+@pytest.mark.parametrize(
+    'given, said', [(10.0, True), (1.05, True), (1.002, False), (None, False)])
+@pytest.mark.parametrize('kind', ['npz', 'mcap', 'unstamped'])
+def test_a_rate_that_contradicts_the_stamps_is_said(tmp_path, kind, rate, given, said):
+    """It said that the stamps were used, and N came out by the rate that was given."""
+    rng, n = np.random.default_rng(5), 3000
+    t = (np.arange(n) + 0.1 * rng.random(n)) / rate
+    record = ImuRecord(rng.standard_normal((n, 3)), rng.standard_normal((n, 3)), t, rate,
+                       start=1e9, receive_t=t + 0.01)
+    stamps = {} if kind == 'unstamped' else {'t': t}
+    path = tmp_path / f'x.{"mcap" if kind == "mcap" else "npz"}'
+    if kind == 'mcap':
+        write_bag(path, record)
+    else:
+        np.savez(path, gyro=record.gyro, accel=record.accel, rate_hz=rate, **stamps)
+    back = prepare(open_record(path, rate_hz=given and given * rate), keep_motion=True)
+    heard = ' '.join(back.warnings)
+    against = f'--rate-hz {(given or 1) * rate:.6g} contradicts the stamps, which give'
+    assert (against in heard) == (said and kind != 'unstamped')
+    assert 'stamps were used' not in heard
+    if kind == 'mcap' and said:
+        assert 'the samples at --rate-hz span' in heard and 'the rate was used' in heard

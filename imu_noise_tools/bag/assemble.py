@@ -14,7 +14,7 @@ import numpy as np
 from .container import Batch, Progress
 from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
 from .source import Bag
-from .tables import read_between
+from .tables import against_stamps, read_between
 from .topics import Choice, COVARIATES, covariates_of
 from ..core.clock import regular_rate
 from ..core.errors import InputError
@@ -225,6 +225,8 @@ def _record(
     receive_t = _seconds(part.receive, stamp[0], memory)
     memory.rest()
     if rate_hz is not None:
+        if stamp is not part.receive:       # else there are none
+            said += against_stamps(t, rate_hz)
         t[:] = np.arange(len(t)) / rate_hz
     rate = rate_hz or regular_rate(t)
     if rate is None:
@@ -243,6 +245,7 @@ def _record(
         frame_id=part.frame_id,
         path=str(bag.path),
         receive_t=receive_t,
+        given_rate_hz=rate_hz,
     )
 
 

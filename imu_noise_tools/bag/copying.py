@@ -31,6 +31,8 @@ def copy_bag(
     force: bool = False,
     progress: Progress = None,
     fields: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
     part: Callable[[ImuRecord], tuple[int, int]] | None = None,
 ) -> Path:
     """
@@ -49,6 +51,8 @@ def copy_bag(
         Changed.
     topic, fields : str, optional
         The Imu topic, and what of its messages, as for :func:`open_record`.
+    gyro_unit, accel_unit : str, optional
+        Unit of the data where it is not SI; ``transform`` gets SI.
     new_topic : str
         Name of the new one.
     force : bool
@@ -75,7 +79,8 @@ def copy_bag(
     """
     source, target = Path(source), Path(target)
     _check_kind(source, target)
-    record = open_record(source, topic, progress=_share(progress, 0.0, 0.4), fields=fields)
+    record = open_record(source, topic, progress=_share(progress, 0.0, 0.4), fields=fields,
+                         gyro_unit=gyro_unit, accel_unit=accel_unit)
     first, last = part(record) if part else (0, record.n)
     changed = _changed(transform(record.part(first, last)), last - first).within(
         first, record.n)

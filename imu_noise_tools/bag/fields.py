@@ -24,10 +24,8 @@ import numpy as np
 from .container import Batch, Connection, Damaged, rows
 from .decode import ACCEL, ACCEL_COVARIANCE, Decoded, DOUBLES, GYRO, GYRO_COVARIANCE, IMU
 from ..core.errors import unknown, UsageError
-from ..core.units import DEG, G0
+from ..core.units import ACCEL_UNITS, GYRO_UNITS
 
-GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
-ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
 #: unit to (factor, what is added): degC
 TEMPERATURE_UNITS = {'degC': (1.0, 0.0), 'K': (1.0, -273.15), 'mdegC': (1e-3, 0.0)}
 TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}       # in ns

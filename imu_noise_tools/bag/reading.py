@@ -12,12 +12,13 @@ import numpy as np
 
 from .assemble import record_of
 from .container import Progress
-from .fields import ACCEL_UNITS, Fields, GYRO_UNITS
+from .fields import Fields
 from .source import Bag
 from .tables import read_table, table_kind, table_size
 from .topics import choose, every, list_topics, TopicInfo
 from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
+from ..core.units import ACCEL_UNITS, GYRO_UNITS, INPUT
 
 NO_FIELDS = '--fields is for bags: a table has its columns'
 KINDS = ('rate', 'delta', 'integrated')
@@ -149,13 +150,14 @@ def _check(unit: str | None, known: dict[str, float], sensor: str) -> None:
 
 
 def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> ImuRecord:
-    for data, unit, known in (
-        (record.gyro, gyro_unit, GYRO_UNITS),
-        (record.accel, accel_unit, ACCEL_UNITS),
-    ):
-        if data is not None and unit is not None and known[unit] != 1.0:
-            data *= known[unit]
-    return record
+    units = {'gyro': gyro_unit, 'accel': accel_unit}
+    said = {s: unit for s, unit in units.items()
+            if unit is not None and getattr(record, s) is not None}
+    for sensor, unit in said.items():
+        if (factor := INPUT[sensor][unit]) != 1.0:
+            data = getattr(record, sensor)
+            data *= factor
+    return replace(record, input_unit=said)
 
 
 def _as_rate(record: ImuRecord, kind: str, memory: Memory) -> ImuRecord:

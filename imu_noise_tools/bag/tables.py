@@ -33,6 +33,8 @@ CSV_COLUMNS = (
 SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
 NOW = (0.9e9, 5e9)
 LONGEST_STEP = 1000.0   # s from stamp to stamp that an IMU may have
+STAMPED_HZ = (1.0, 2e4)     # rates that stamps in s give; others are in another unit
+CONTRADICTS = 0.01          # more than the clock of a stamp is off
 
 
 def table_kind(path: str | Path) -> str:
@@ -121,6 +123,7 @@ def _record(
     labelled = _number(arrays.pop('rate_hz', None))
     origin = _number(arrays.pop('start', None)) or 0.0
     t, rate = _stamps(path, arrays.pop('t', None), n, rate_hz, labelled, said)
+    said += against_stamps(t, rate_hz)
     start = 0.0
     if t is None or rate_hz:
         t = np.arange(n) / rate
@@ -139,8 +142,20 @@ def _record(
         topic='imu',
         path=str(path),
         labelled_rate_hz=labelled,
+        given_rate_hz=rate_hz,
         warnings=tuple(said),
     )
+
+
+def against_stamps(t: np.ndarray | None, rate_hz: float | None) -> list[str]:
+    """Return a sentence where stamps (n,), s, that give a rate give another than this one."""
+    stamped = None if t is None or not rate_hz else regular_rate(t)
+    if not rate_hz or not stamped or not STAMPED_HZ[0] < stamped < STAMPED_HZ[1]:
+        return []
+    if abs(rate_hz / stamped - 1) < CONTRADICTS:
+        return []
+    return [f'--rate-hz {rate_hz:.6g} contradicts the stamps, which give {stamped:.6g} Hz; it was '
+            'used, and if they are right every coefficient is wrong: leave it out then']
 
 
 def _in_seconds(path: Path, t: np.ndarray, said: list[str]) -> np.ndarray:

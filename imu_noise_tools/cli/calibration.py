@@ -62,6 +62,8 @@ def register(commands: Any) -> None:
     c.add_argument('--calibration', metavar='DIR', required=True,
                    help='a folder that calibrate wrote, or a calibration.yaml')
     common.topic_options(c)
+    common.gyro_unit_option(c, 'that of the calibration\'s recording')
+    common.accel_unit_option(c, 'that of the calibration\'s recording')
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
     common.output_options(c, 'what was written')
     c.set_defaults(func=apply)
@@ -180,6 +182,7 @@ def apply(args: argparse.Namespace) -> int:
         share = (lambda p: progress(p, 'correcting')) if progress else None
         written, warnings = tasks.apply_calibration(
             args.bag, args.output, args.calibration, topic=args.topic, fields=args.fields,
+            gyro_unit=args.gyro_unit, accel_unit=args.accel_unit,
             force=args.force, progress=share)
     common.warn(warnings)
     if args.json:

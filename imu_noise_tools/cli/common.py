@@ -57,17 +57,25 @@ def unit_options(command: argparse.ArgumentParser) -> None:
     """Add the options that say what the samples are where the bag does not, or says it wrong."""
     command.add_argument('--rate-hz', type=float, metavar='R',
                          help='sample rate, in place of the stamps')
-    command.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'), default='rad/s',
-                         help='unit of the gyroscope data (default: rad/s)')
-    command.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'), default='m/s^2',
-                         help='unit of the accelerometer data (default: m/s^2)')
+    gyro_unit_option(command)
+    accel_unit_option(command)
+
+
+def gyro_unit_option(command: argparse.ArgumentParser, default: str = 'rad/s') -> None:
+    """Add ``--gyro-unit``; None where it is not given."""
+    command.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
+                         help=f'unit of the gyroscope data (default: {default})')
+
+
+def accel_unit_option(command: argparse.ArgumentParser, default: str = 'm/s^2') -> None:
+    """Add ``--accel-unit``; None where it is not given."""
+    command.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'),
+                         help=f'unit of the accelerometer data (default: {default})')
 
 
 def units_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return what :func:`unit_options` says, as the tasks take it: None for SI."""
-    return {'rate_hz': args.rate_hz,
-            'gyro_unit': None if args.gyro_unit == 'rad/s' else args.gyro_unit,
-            'accel_unit': None if args.accel_unit == 'm/s^2' else args.accel_unit}
+    """Return what :func:`unit_options` says, as the tasks take it: None where nothing is."""
+    return {name: getattr(args, name) for name in ('rate_hz', 'gyro_unit', 'accel_unit')}
 
 
 def part_options(command: argparse.ArgumentParser) -> None:

@@ -62,6 +62,7 @@ def register(commands: Any) -> None:
         help='a value of an effect, in SI, e.g. white.R=1e-4',
     )
     common.topic_options(c)
+    common.gyro_unit_option(c, 'that of the recording of --model, else rad/s')
     common.part_options(c)
     c.add_argument(
         '--rate-hz', type=float, metavar='R', help='nominal rate, in place of that of the stamps'
@@ -121,6 +122,7 @@ def filter_bag(args: argparse.Namespace) -> int:
             values=values_of(args.values) or None,
             topic=args.topic,
             fields=args.fields,
+            gyro_unit=args.gyro_unit,
             selection=selection,
             rate_hz=args.rate_hz,
             force=args.force,
@@ -138,9 +140,10 @@ def filter_bag(args: argparse.Namespace) -> int:
         + (', smoothed' if args.smooth else '')
         + (f', with a delay of {args.delay:g} s' if args.delay else '')
     )
+    slow = any(f['sigma_slow'] for f in data['axes'].values())
     print(
-        '          noise of a sample, deg/s    innovations: mean square (1)   lag 1 (0)  '
-        ' kurtosis (0)'
+        f'          {"error of a rate" if slow else "noise of a sample"}, deg/s   '
+        f'{"  " if slow else ""} innovations: mean square (1)   lag 1 (0)   kurtosis (0)'
     )
     for axis, f in data['axes'].items():
         print(
@@ -148,6 +151,8 @@ def filter_bag(args: argparse.Namespace) -> int:
             f' {f["nis"]:25.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
             + (f'   {f["sigma_before"]:.3g} -> {f["sigma_after"]:.3g} rad/s' if args.si else '')
         )
+    if slow:
+        print(_with_what_is_slow(data))
     print(
         f'\nwritten: {data["bag"]} (topic {data["topic"]})'
         + (
@@ -157,3 +162,14 @@ def filter_bag(args: argparse.Namespace) -> int:
         )
     )
     return 0
+
+
+def _with_what_is_slow(data: dict) -> str:
+    """Return what the errors of the rates, and the covariance in the messages, hold."""
+    from ..core.units import DEG
+    white, slow = (', '.join(f'{f[k] / DEG:.4f}' for f in data['axes'].values())
+                   for k in ('sigma_white', 'sigma_slow'))
+    return (f'  before: white noise of a sample {white} deg/s, and what is correlated in time '
+            f'(of a random walk an hour, as an uncertainty of the bias) {slow} deg/s; after, and '
+            'in the covariance of the messages: what is left of both. A slow bias stays: it looks '
+            'like rotation')

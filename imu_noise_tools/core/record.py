@@ -119,6 +119,10 @@ class ImuRecord:
     beside : tuple of ImuRecord
         Records of sensors that have a clock of their own (a camera's accelerometer, on a topic of
         its own); nothing done to this record is done to them.
+    given_rate_hz : float or None
+        Rate that somebody gave in place of the stamps: ``t`` counts by it.
+    input_unit : mapping of str to str
+        By sensor, the unit that the samples came in where somebody said which; they are in SI.
 
     """
 
@@ -139,6 +143,8 @@ class ImuRecord:
     missing: int = 0
     stuck: tuple[str, ...] = ()
     beside: tuple[ImuRecord, ...] = ()
+    given_rate_hz: float | None = None
+    input_unit: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def streams(self) -> tuple[ImuRecord, ...]:
@@ -162,7 +168,8 @@ class ImuRecord:
                 columns = [np.interp(at, other.t, x) for x in known.T]
                 out = replace(out.warned(
                     f'{other.topic or other.path or sensor}: the {sensor} is sampled at other '
-                    'times; it was interpolated'), **{sensor: np.stack(columns).T})
+                    'times; it was interpolated'), **{sensor: np.stack(columns).T},
+                    input_unit={**out.input_unit, **other.input_unit})
         return out
 
     @property

@@ -11,6 +11,7 @@ derivative, ``{integral}`` for its time integral.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import math
 
 _SI = {
@@ -20,6 +21,27 @@ _SI = {
 DEG = math.pi / 180
 G0 = 9.80665
 HOUR = 3600.0
+SI = {sensor: names['rate'] for sensor, names in _SI.items()}
+#: what samples may come in: factor to SI
+GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
+ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+INPUT = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS}
+
+
+def not_si(stated: object) -> dict[str, str] | None:
+    """Return what is not SI of units by sensor that a file states; None where it is unknown."""
+    if not isinstance(stated, dict) or any(
+            str(unit) not in INPUT.get(sensor, {}) for sensor, unit in stated.items()):
+        return None
+    return {sensor: unit for sensor, unit in stated.items() if unit != SI[sensor]}
+
+
+def read_in(units: Mapping[str, str], why: str) -> list[str]:
+    """Return a sentence where samples are converted, from which units by sensor, and why."""
+    names = {'accel': 'accelerometer', 'gyro': 'gyroscope'}
+    read = ' and '.join(f'the {names[s]} is read in {unit}' for s, unit in units.items())
+    return [f'{read} ({why}) and written in SI'] if units else []
+
 
 # (sensor, template): factor by which SI is divided, and the field's unit. IEEE 952 Table C.1.
 _FIELD = {

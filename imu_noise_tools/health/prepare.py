@@ -24,7 +24,8 @@ from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
 from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
-from ..core.record import AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of
+from ..core.record import (
+    AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of, SENSORS)
 from ..core.stillness import handled_ends, longest_rest
 
 LEAST_SAMPLES = 100
@@ -136,7 +137,26 @@ def motion_doubts(record: ImuRecord) -> list[str]:
         return []
     stamps = unit_of_stamps(median_rate(record.t))
     ends = at_the_end(at_ends(replace(record, accel=None)), record.n)
-    return [*([': '.join(stamps)] if stamps else []), *too_fast(record), *ends]
+    units = unit_doubts(record, sensors=('gyro',))
+    return [*([': '.join(stamps)] if stamps else []), *units, *ends]
+
+
+def unit_doubts(record: ImuRecord, sensors: Iterable[str] = SENSORS) -> list[str]:
+    """
+    Return what is doubtful about the units of these sensors of any record, as recorded.
+
+    What seems to rest may be on a table that turns.
+
+    """
+    ready = ordered(record)
+    clocked = (ready.n >= LEAST_SAMPLES and fit_clock(ready.t) is not None
+               and unit_of_stamps(ready.rate_hz) is None)
+    rest = _resting(ready) if clocked else None
+    fast = too_fast(record) if 'gyro' in sensors else []
+    if rest is None:
+        return fast
+    some = replace(rest, **{s: None for s in SENSORS if s not in sensors})
+    return [*fast, *wrong_units(some, turns=True)]
 
 
 def _enough(record: ImuRecord) -> None:
@@ -371,17 +391,22 @@ def _on_grid(place: np.ndarray, good: np.ndarray, n: int) -> Callable:
 
 def _unit_doubts(record: ImuRecord, moves: bool) -> list[str]:
     """Return what is doubtful about the units: only at rest is it known what to expect."""
-    if not moves:
-        return wrong_units(record)
+    rest = _resting(record) if moves else record
+    return [] if rest is None else wrong_units(rest)
+
+
+def _resting(record: ImuRecord) -> ImuRecord | None:
+    """Return the longest rest of a record that moves, knocks in it, or None."""
     rest = longest_rest(record)
-    return wrong_units(record.part(rest[0][0], rest[-1][1])) if rest else []
+    return record.part(rest[0][0], rest[-1][1]) if rest else None
 
 
 def _rate_doubts(record: ImuRecord) -> list[str]:
     """Return sentences where the label or the receive times tell another rate."""
     stamps = unit_of_stamps(record.rate_hz)
     said = [': '.join(stamps)] if stamps else []
-    label = record.labelled_rate_hz
+    given = record.given_rate_hz is not None
+    label = None if given else record.labelled_rate_hz
     if label and abs(label / record.rate_hz - 1) > 0.01:
         said.append(
             f'the stamps give {record.rate_hz:.6g} Hz where the file says {label:.6g} Hz; the '
@@ -390,9 +415,8 @@ def _rate_doubts(record: ImuRecord) -> list[str]:
     if record.receive_t is not None and record.n > 1:
         span = float(record.receive_t[-1] - record.receive_t[0])
         if span > 10 and abs(record.duration_s / span - 1) > 0.01:
-            said.append(
-                f'the stamps span {record.duration_s:.5g} s and the receive times '
-                f'{span:.5g} s; '
-                'the stamps were used'
-            )
+            what = 'the samples at --rate-hz' if given else 'the stamps'
+            said.append(f'{what} span {record.duration_s:.5g} s and the receive times '
+                        f'{span:.5g} s; the {"rate" if given else "stamps"} '
+                        f'{"was" if given else "were"} used')
     return said

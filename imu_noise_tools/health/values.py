@@ -12,6 +12,7 @@ import numpy as np
 from ..core.clipped import ends_in_words
 from ..core.record import ImuRecord
 from ..core.stillness import finite_mean
+from ..core.units import ACCEL_UNITS
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
@@ -40,15 +41,20 @@ def is_constant(x: np.ndarray) -> bool:
     return not len(some) or bool(np.all(some == some[0]))
 
 
-def wrong_units(record: ImuRecord) -> list[str]:
-    """Return sentences where the values at rest are such as no IMU gives in SI."""
+def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
+    """
+    Return sentences where the values at rest are such as no IMU gives in SI.
+
+    Of one that may be on a table that ``turns``, a steady rate tells nothing.
+
+    """
     said = []
     if record.accel is not None:
         g = float(np.linalg.norm(finite_mean(record.accel)))
         if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(
                 f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
-                + _likely_accel(g)
+                + (_converted_twice(g, record.input_unit.get('accel')) or _likely_accel(g))
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
@@ -56,13 +62,19 @@ def wrong_units(record: ImuRecord) -> list[str]:
         density = _calmest(record.gyro) * np.sqrt(record.dt)
         # 30 deg/s of bias, 11 deg/s of sample noise, or 14 deg/sqrt(h) where it is calmest: no
         # gyro is so bad; the same numbers in deg/s are common.
-        if rate > 0.52 or scatter > 0.2 or density > LOUD:
+        if rate > 0.52 and not turns or scatter > 0.2 or density > LOUD:
             said.append(
                 f'wrong unit suspected: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
                 'at rest; '
                 'if it is in deg/s, use --gyro-unit deg/s'
             )
     return said
+
+
+def _converted_twice(g: float, unit: str | None) -> str:
+    if unit and 7 <= g / ACCEL_UNITS[unit] <= 12.5:
+        return f'; it is in m/s^2 already, not in {unit}: use --accel-unit m/s^2'
+    return ''
 
 
 def _likely_accel(g: float) -> str:
@@ -106,7 +118,7 @@ def too_fast(record: ImuRecord) -> list[str]:
     most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
     return [f'wrong unit suspected: the gyro reads up to {most:.3g} rad/s '
             f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one; if it is in '
-            'deg/s, convert it (analyse and calibrate take --gyro-unit deg/s)']
+            'deg/s, use --gyro-unit deg/s']
 
 
 def unit_of_stamps(rate_hz: float | None, slowest: float = SLOWEST_HZ) -> tuple[str, str] | None:

@@ -23,7 +23,7 @@ from .run import run, threads_executor
 from .saving import free
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import HOLD_S
-from ..core.units import DEG, G0
+from ..core.units import DEG, G0, read_in
 from ..loop.study import Study
 from ..tasks.calibration import as_dict, assumed, doubts, FILE, Session
 
@@ -71,6 +71,8 @@ class Calibration(Node):
         if p['file'] and Path(p['file']).exists():
             self._session.load(p['file'])
             self.get_logger().info(f'{p["file"]} is applied until something is solved')
+            for said in read_in(self._session.input_unit, 'as the calibration\'s recording was'):
+                self.get_logger().info(said)
             for said in (*doubts(p['file']), *assumed(*self._session.corrections)):
                 self.get_logger().warning(f'{p["file"]}: {said}')
         self._tell()
@@ -95,11 +97,12 @@ class Calibration(Node):
         corrections = self._session.corrections
         if not corrections:
             return
-        changes = {'gyro': samples.gyro, 'accel': samples.accel}
+        changes = dict(zip(('gyro', 'accel'), self._session.in_si(samples.gyro, samples.accel)))
         for c in corrections:
             force = () if c.sensor == 'accel' else (None, changes['accel'])
             changes[c.sensor] = c.apply(changes[c.sensor], *force)
-        changes = {c.sensor: changes[c.sensor] for c in corrections}
+        mine = {*self._session.input_unit, *(c.sensor for c in corrections)}
+        changes = {sensor: changes[sensor] for sensor in mine}
         for k, index in enumerate(samples.readable.nonzero()[0]):
             self._output.publish(messages.with_vectors(
                 messages.plain(batch[index]), **{name: x[k] for name, x in changes.items()}))

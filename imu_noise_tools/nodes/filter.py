@@ -18,13 +18,14 @@ from sensor_msgs.msg import Imu
 from . import messages
 from .aside import Aside
 from .diagnostics import Diagnostics
-from .filter_settings import chosen, given_values, value_settings
+from .filter_settings import chosen, given_values, unit_of, value_settings
 from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..core.errors import InputError
+from ..core.units import GYRO_UNITS, read_in
 from ..filter.design import AUTO
 from ..filter.engine import designed, Engine
 from ..filter.evaluate import Innovations
@@ -52,6 +53,7 @@ class Filter(Node):
                     fixed=True),
             *value_settings())
         self._engine = Engine(rate_hz=p['rate_hz'] or None, **chosen(p))
+        self._read_in(unit_of(p))
         self._lock = threading.Lock()           # of the engine: it is switched from two threads
         self._adopting = False
         p.together = lambda new: designed(**chosen(new))
@@ -83,6 +85,15 @@ class Filter(Node):
             # what the loop has put into the model stays when only the memory changes
             new = values if set(values) <= {'alpha', 'delay'} else chosen(self._settings)
             self._switch(**new)
+            if 'model' in values:
+                self._read_in(unit_of(self._settings))
+
+    def _read_in(self, unit: str) -> None:
+        """Take rates in this unit from now on; what is published is rad/s."""
+        self._factor = GYRO_UNITS[unit]
+        if self._factor != 1:
+            for said in read_in({'gyro': unit}, 'as the model\'s recording was'):
+                self.get_logger().info(said)
 
     def _switch(self, **new) -> None:
         with self._lock:
@@ -101,6 +112,7 @@ class Filter(Node):
         if self._first is None:
             self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
         with self._lock:
+            rate = tuple(self._factor * x for x in rate)
             if self._engine.step((stamp - self._first) * 1e-9, rate) is not None:
                 self._waiting.append((raw, True))
             self._publish_due()

@@ -13,7 +13,7 @@ from .params import Setting, Settings
 from ..core import units
 from ..filter.statespace import DOMAIN
 from ..loop.effect import registry
-from ..tasks.filter import from_study
+from ..tasks.filter import from_study, input_unit
 
 
 def value_settings() -> list[Setting]:
@@ -31,6 +31,11 @@ def given_values(p: Settings | Mapping[str, Any]) -> dict[str, dict[str, float]]
             label, _, parameter = setting.name.rpartition('.')
             values.setdefault(label, {})[parameter] = p[setting.name]
     return values
+
+
+def unit_of(p: Settings | Mapping[str, Any]) -> str:
+    """Return the unit that rates come in: that of the model's recording."""
+    return (input_unit(p['model']) if p['model'] else None) or units.SI['gyro']
 
 
 def chosen(p: Settings | Mapping[str, Any]) -> dict[str, Any]:

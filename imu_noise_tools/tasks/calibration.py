@@ -20,8 +20,8 @@ from ..core import files
 from ..core.clipped import stays
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
-from ..core.units import DEG
-from ..health import in_motion, Selection
+from ..core.units import DEG, INPUT, not_si, read_in, SI
+from ..health import in_motion, Selection, unit_doubts
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'
@@ -117,6 +117,7 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
         'path': first.path, 'topic': first.topic, 'samples': sum(r.n for r in records),
         'rate_hz': first.rate_hz, 'duration_s': float(sum(r.duration_s for r in records)),
         'start': first.start, 'frame_id': first.frame_id, 'records': [r.path for r in records],
+        'input_unit': dict(first.input_unit),
         'gravity': g, 'gravity_from': origin, 'notes': list(result.notes),
         'warnings': [*dict.fromkeys(w for r in records for w in r.warnings), *result.warnings]}
     if gyro is not None:
@@ -228,11 +229,15 @@ def as_dict(study: Study) -> dict:
     """
     Return the data of calibration.yaml: numbers, where they are from, diagnosis.
 
-    One sensor at the top; two as ``accel`` and ``gyro``, with the ``time_offset`` between.
+    One sensor at the top; two as ``accel`` and ``gyro``, with the ``time_offset`` between. The
+    numbers are SI; ``input_unit`` is what the samples came in, by sensor.
 
     """
-    data: dict[str, Any] = {'format': 'imu_noise_calibration/1'}
-    said = ('notes', 'warnings', *study.targets)
+    stated = study.source.get('input_unit') or {}
+    data: dict[str, Any] = {
+        'format': 'imu_noise_calibration/1',
+        'input_unit': {**{target: SI[target] for target in study.targets}, **stated}}
+    said = ('notes', 'warnings', 'input_unit', *study.targets)
     source = {k: v for k, v in study.source.items() if k not in said}
     parts = {target: _part(study, target) for target in study.targets}
     if len(parts) == 1:
@@ -342,6 +347,29 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
 
+def input_units(path: str | Path) -> dict[str, str]:
+    """
+    Return by sensor the unit, not SI, of the samples that a calibration.yaml was made from.
+
+    It is empty for a file that does not say it.
+
+    Raises
+    ------
+    InputError
+        There is no file, or it says a unit that is not known.
+
+    """
+    path = Path(path)
+    path = path / FILE if path.is_dir() else path
+    data = store.load_yaml(path)
+    stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
+    found = not_si(stated)
+    if found is None:
+        raise InputError(f'{path}: input_unit {stated} is not known',
+                         'e.g. {accel: g, gyro: deg/s}')
+    return found
+
+
 def doubts(path: str | Path) -> list[str]:
     """Return what the diagnosis in a calibration.yaml, or in a folder's, says is missing."""
     path = Path(path)
@@ -363,6 +391,7 @@ def corrected(record: ImuRecord, *corrections: core.Correction) -> ImuRecord:
     """Return a record with each correction applied to its sensor, and warnings of what it took."""
     if 'temperature' not in record.covariates:
         record = record.warned(*assumed(*corrections))
+    record = record.warned(*unit_doubts(record))
     for c in corrections:
         raw = getattr(record, c.sensor)
         if raw is None:
@@ -383,13 +412,17 @@ def apply_calibration(
     *,
     topic: str | None = None,
     fields: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
     force: bool = False,
     progress: Any = None,
 ) -> tuple[Path, tuple[str, ...]]:
     """
     Copy a bag with ``imu/data_calibrated`` beside its topics; return where it is, and warnings.
 
-    They say what is missing in the calibration, and what it assumes that the bag does not hold.
+    They say what is missing in the calibration, what it assumes that the bag does not hold, and
+    which samples were converted: the new topic is in SI. Units that are not given are those that
+    the calibration was made from.
 
     Raises
     ------
@@ -399,13 +432,18 @@ def apply_calibration(
     """
     from ..bag import copy_bag
     corrections = load_corrections(calibration)
-    warnings = doubts(calibration)
+    stated = {s: unit for s, unit in (('gyro', gyro_unit), ('accel', accel_unit)) if unit}
+    units = {s: u for s, u in {**input_units(calibration), **stated}.items() if u != SI[s]}
+    taken = {s: unit for s, unit in units.items() if s not in stated}
+    warnings = [*doubts(calibration), *read_in(taken, 'as the calibration\'s recording was'),
+                *read_in({s: u for s, u in units.items() if s in stated}, 'as told')]
 
     def correct(record: ImuRecord) -> ImuRecord:
         better = corrected(record, *corrections)
         warnings.extend(better.warnings[len(record.warnings):])
         return better
     written = copy_bag(bag, out, correct, topic=topic, fields=fields, new_topic=CALIBRATED,
+                       gyro_unit=units.get('gyro'), accel_unit=units.get('accel'),
                        force=force, progress=progress)
     return written, tuple(warnings)
 
@@ -417,11 +455,26 @@ class Session(core.Session):
         super().__init__(*args, **options)
         self._study: Study | None = None
         self._loaded: tuple[core.Correction, ...] = ()
+        #: what samples come in, by sensor, where the file that was loaded says that it is not SI
+        self.input_unit: dict[str, str] = {}
+
+    def in_si(self, gyro: Any, accel: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return (gyro, accel), (3,) or (n, 3) each, in SI: they come in ``input_unit``."""
+        factor = {s: INPUT[s][self.input_unit.get(s, SI[s])] for s in SI}
+        return (np.multiply(gyro, factor['gyro'], dtype=float),
+                np.multiply(accel, factor['accel'], dtype=float))
+
+    def feed(
+        self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
+    ) -> None:
+        """Take one sample, gyro (3,) and accel (3,), in SI or in ``input_unit``."""
+        super().feed(stamp_s, *self.in_si(gyro, accel), temperature)
 
     def solve(self) -> core.Calibration:
         """Solve the poses captured so far, and begin a study of them."""
         solved = super().solve()
-        source = {'gravity': self.gravity, 'notes': list(solved.notes),
+        source = {'gravity': self.gravity, 'input_unit': dict(self.input_unit),
+                  'notes': list(solved.notes),
                   'warnings': list(solved.warnings)}
         if self.gyro is not None:
             source['gyro'] = {'notes': list(self.gyro.notes), 'warnings': list(self.gyro.warnings)}
@@ -431,7 +484,7 @@ class Session(core.Session):
     def reset(self) -> None:
         """Forget all poses, the solution and what was loaded."""
         super().reset()
-        self._study, self._loaded = None, ()
+        self._study, self._loaded, self.input_unit = None, (), {}
 
     @property
     def study(self) -> Study:
@@ -465,6 +518,7 @@ class Session(core.Session):
         Raise InputError where nothing is solved or loaded.
 
         """
+        gyro, accel = self.in_si(gyro, accel)
         if self.calibration is None and self._loaded:
             for c in self._loaded:
                 gyro, accel = core.applied(c, gyro, accel, temperature)
@@ -490,5 +544,5 @@ class Session(core.Session):
         if not mine:
             raise InputError(f'{path}: calibrates the {loaded[0].sensor}, not the {self.sensor}',
                              'name another file')
-        self._loaded = loaded
+        self._loaded, self.input_unit = loaded, input_units(path)
         return mine[0]

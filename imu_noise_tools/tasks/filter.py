@@ -22,6 +22,7 @@ from .. import report, store
 from ..core import files
 from ..core.errors import InputError, UsageError
 from ..core.record import ImuRecord
+from ..core.units import not_si, read_in, SI
 from ..filter.design import aligned, AUTO, Design, design, memory
 from ..filter.evaluate import Innovations
 from ..filter.held import held_samples, REMEDY
@@ -83,6 +84,7 @@ class Done:
                         'lag1': f.lag1,
                         'kurtosis': f.kurtosis,
                         'samples': f.n,
+                        **parts_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_before': noise_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
                     }
@@ -110,6 +112,7 @@ def filter_bag(
     delay: float = 0.0,
     topic: str | None = None,
     fields: str | None = None,
+    gyro_unit: str | None = None,
     selection: Selection | None = None,
     rate_hz: float | None = None,
     force: bool = False,
@@ -139,6 +142,9 @@ def filter_bag(
     topic, fields : str or None
         The Imu topic, and what of its messages, as for
         :func:`imu_noise_tools.bag.open_record`.
+    gyro_unit : str or None
+        Unit of the rates in the bag; by default that of the recording of ``model``, which is said.
+        The new topic is in rad/s.
     selection : Selection or None
         The part that is filtered; the new topic holds no more.
     rate_hz : float or None
@@ -161,6 +167,9 @@ def filter_bag(
     # wrong usage is said before anything is read
     memory(design(motion, noise, alpha, values), smooth, delay)
     made: dict = {}
+    unit = gyro_unit or (input_unit(model) if model is not None else None)
+    why = 'as told' if gyro_unit else 'as the model\'s recording was'
+    said = read_in({'gyro': unit} if unit and unit != SI['gyro'] else {}, why)
     together = ExitStack()      # bag and study take their places one right after the other
 
     def transform(record: ImuRecord):
@@ -186,11 +195,11 @@ def filter_bag(
     with together:
         written = copy_bag(
             bag, out, transform, topic=topic, fields=fields, new_topic=TOPIC, force=force,
-            progress=share, part=selection.bounds if selection else None,
+            progress=share, part=selection.bounds if selection else None, gyro_unit=unit,
         )
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,
-                made['figures'], made['notes'])
+                made['figures'], (*said, *made['notes']))
 
 
 def filter_samples(
@@ -306,6 +315,7 @@ def _study(record, chosen: Design, stated, values, alpha, notes) -> Study | None
         'duration_s': record.duration_s,
         'start': record.start,
         'frame_id': record.frame_id,
+        **({'input_unit': dict(record.input_unit)} if record.input_unit else {}),
         **chosen.names,
         'alpha': alpha,
         'judged': {axis: list(part) for axis, part in parts.items()},
@@ -324,6 +334,24 @@ def noise_of_a_sample(model: Model, dt: float) -> float:
     """
     b = output_noise(model, dt)
     return float(np.sqrt(b.r + b.h @ b.p0 @ b.h))
+
+
+def parts_of_a_sample(model: Model, dt: float) -> dict[str, float]:
+    """Return the standard deviations, rad/s, of what of it is white and of what wanders."""
+    b = output_noise(model, dt)
+    return {'sigma_white': float(np.sqrt(b.r)), 'sigma_slow': float(np.sqrt(b.h @ b.p0 @ b.h))}
+
+
+def input_unit(folder: str | Path) -> str | None:
+    """Return the unit, not rad/s, that the rates of a study's recording came in, or None."""
+    source = store.read(folder)['source']
+    stated: dict = {}
+    for one in (source, *(source.get('streams') or {}).values()):
+        stated |= one.get('input_unit') or {}
+    found = not_si(stated)
+    if found is None:
+        raise InputError(f'{folder}: input_unit {stated} is not known', 'e.g. {gyro: deg/s}')
+    return found.get('gyro')
 
 
 def from_study(

@@ -182,6 +182,7 @@ def _one_source(record: ImuRecord) -> dict:
         'start': record.start + begin,
         **({'begin_s': begin} if begin else {}),
         'frame_id': record.frame_id,
+        **({'input_unit': dict(record.input_unit)} if record.input_unit else {}),
         'covariates': list(record.covariates),
         'warnings': list(record.warnings),
         'left_out': [list(one) for one in record.left_out],
@@ -332,8 +333,10 @@ def look_again(study: Study, bag: str | Path, progress: Progress | None = None) 
     source, memory = study.source, Scratch()
     streams = source.get('streams') or {'': source}
     topic = ','.join(one['topic'] for one in streams.values() if one.get('topic'))
+    units = {f'{s}_unit': unit for one in streams.values()
+             for s, unit in (one.get('input_unit') or {}).items()}
     record = open_record(
-        bag, topic or None, memory=memory, apart=True, fields=source.get('fields'))
+        bag, topic or None, memory=memory, apart=True, fields=source.get('fields'), **units)
     moving = bool(source.get('keep_motion'))
     ready = [prepare(one, keep_motion=moving, memory=memory) for one in record.streams]
     problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
