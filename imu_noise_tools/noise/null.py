@@ -9,7 +9,7 @@ Written by bench/null.py; ``SOURCES`` is the hash of the code it was drawn with.
 """
 
 AXES = 1080
-SOURCES = '123ea5b9f124d44f'
+SOURCES = '0fdac30a765ad7cd'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,
