@@ -2,17 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How often ``compare`` of two studies says that something changed, where nothing has and where it has.
+How often ``compare`` says that something changed, where nothing has and where something has.
 
-    python bench/compare_pairs.py [--change none|N|K|line] [--pairs 200] [--seed 1] [-o pairs.jsonl]
+    python bench/compare_pairs.py [--change N] [--pairs 200] [--seed 1] [-o pairs.jsonl]
 
-Each pair is of one sensor: a record of 60 s to 1 h at 50 to 400 Hz, and another one of a length and
-(in half of the pairs) a rate of its own. N and B are the same on all axes, K from what does not
-show to what is seen from seconds on; a third of the sensors are quantised, a third have a line; one
-axis, or six in a quarter of the pairs. With ``--change`` the second record has N 10 % larger, K three times as large (in
-sensors whose K shows), or a line of twice the amplitude. Asked: of pairs without a change one in a
-hundred has any row ``changed``, as the command says.
-
+Each pair is of one sensor: a record of 60 s to 1 h at 50 to 400 Hz (100 000 samples at most), and
+one of another length and, in half of the pairs, another rate. N and B are the same on all axes, K
+from what does not show to what is seen from seconds on; a third of the sensors are quantised, a
+third have a line; one axis, or six in a quarter of the pairs. With ``--change`` the second record
+has N 10 % larger, K three times as large (of sensors whose K shows), or a line of twice the
+amplitude. Asked: of pairs without a change one in a hundred has any row ``changed``.
 """
 
 import argparse
