@@ -56,8 +56,8 @@ BASES = (  # model, and what the sensor lacks
 LEVEL = 1e-3
 LEAST = 6.0  # a short tail is no licence: no candidate is believed for less
 # modules of the noise domain that no gain is computed by: what is said of a fit, and plans
-NO_GAIN = {'__init__', 'beside', 'classic', 'curve', 'level', 'materiality', 'null', 'plan',
-           'stated'}
+NO_GAIN = {'__init__', 'beside', 'classic', 'curve', 'differences', 'level', 'materiality', 'null',
+           'plan', 'stated'}
 SAMPLE = (0, 2, 10, 12, 15, 17)     # records of the short cells, one of each base and cell
 SAMPLED = Path(__file__).with_name('null_sample.jsonl')
 MOVED = 0.5     # nats by which no gain of the sample may be another; rounding moves them by less

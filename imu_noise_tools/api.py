@@ -29,8 +29,8 @@ from .loop.effect import load_effects, Model
 from .report import terminal, words
 from .report.markup import cell, escape, table
 from .simulate import simulate as simulated
-from .tasks import calibration as calibrating, filter as filtering, loop as tasks
-from .tasks import noise, sheet as sheets
+from .tasks import calibration as calibrating, compare as comparing, filter as filtering
+from .tasks import loop as tasks, noise, sheet as sheets
 from .tasks.simulate import simulate as simulate_bag
 
 __all__ = [
@@ -328,7 +328,7 @@ class Study:
         if sheet is not None:
             return Table(sheets.against(self.study, sheet))
         if other is not None:
-            return Table(tasks.compare_two(self.study, other.study))
+            return Table(comparing.compare_two(self.study, other.study))
         return Table({'target': t, 'error': e.excess, 'chance': words.CHANCE * e.std,
                       'within_chance': e.within_chance, 'fails_in': ', '.join(e.failing)}
                      for t, e in self.study.compare().items())

@@ -138,13 +138,13 @@ def compare(args: argparse.Namespace) -> int:
         return _against(study, args)
     if args.dir2:
         other = store.load(args.dir2)
-        from ..tasks import loop
+        from ..tasks import compare as tasks
 
-        changes = loop.compare_two(study, other)
+        changes = tasks.compare_two(study, other)
         if args.json:
-            common.print_json({'changes': changes})
+            common.print_json({'changes': changes, 'limit': tasks.limit(changes)})
         else:
-            print(text.changes(changes, args.dir, args.dir2))
+            print(text.changes(changes, args.dir, args.dir2, args.si))
         return 0
     if args.json:
         common.print_json(

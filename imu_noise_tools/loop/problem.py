@@ -7,11 +7,29 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from .effect import Effect, Finding, Fit, Model, Score, unfitted, View
+from .effect import Effect, Estimate, Finding, Fit, Model, Score, unfitted, View
+
+
+@dataclass(frozen=True)
+class Difference:
+    """
+    What the data of two problems say of one quantity, and by how many standard deviations apart.
+
+    ``unit`` is a template, as of a parameter. ``sigmas`` is how rare such a difference is where
+    nothing differs, as a deviate of the normal distribution, whatever its own distribution is.
+
+    """
+
+    what: str
+    first: Estimate
+    second: Estimate
+    unit: str
+    sigmas: float
 
 
 class Problem(ABC):
@@ -121,14 +139,13 @@ class Problem(ABC):
         """Return what else is to be said of a fit to people, a sentence each."""
         return []
 
-    def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
-        """
-        Return what differs in the data from another problem's, whatever the models say.
-
-        A tuple each: what, the first's, the other's, and by how many standard deviations.
-
-        """
+    def differences(self, fit: Fit[Any], other: Problem, other_fit: Fit[Any]) -> list[Difference]:
+        """Return what differs in the data from another problem's, whatever the models say."""
         return []
+
+    def differs_in_data(self, effect: Effect) -> bool:
+        """Tell whether :meth:`differences` compares what an effect of a model says."""
+        return False
 
 
 def merged(scores: Iterable[Score]) -> Score:

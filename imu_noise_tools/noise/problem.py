@@ -16,9 +16,10 @@ from .candidates import (
     at_bound, candidates, no_more_than_chance, no_more_than_less, of_its_kind, Tried
 )
 from .curve import model_curve
+from .differences import differences
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
-from .kinds import Coupling, Defect, Mean, MEASURED, NoiseEffect, Response, Spectrum
+from .kinds import Coupling, Defect, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
 from .level import clipped, with_level_notes
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
@@ -26,7 +27,7 @@ from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
 from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
-from ..loop.problem import Problem
+from ..loop.problem import Difference, Problem
 from ..loop.verdict import SURE
 
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
@@ -379,45 +380,19 @@ class NoiseProblem(Problem):
         shape = [dominant_shape(self.evidence.curve)] if found.sufficient else []
         return [str(found)] * bool(found.failures or not found.sufficient) + shape
 
-    def differences(self, other: Problem) -> list[tuple[str, str, str, float]]:
-        """Return how the measured power differs from another record's, band by band."""
+    def differences(self, fit: Fit, other: Problem, other_fit: Fit) -> list[Difference]:
+        """Return how power differs from another record's, band by band, and how its lines do."""
         assert isinstance(other, NoiseProblem)
-        return power_differences(self.evidence, other.evidence)
+        return differences(self.evidence, fit, other.evidence, other_fit)
+
+    def differs_in_data(self, effect: Effect) -> bool:
+        """Tell so of lines: those of one label in two models need not be the same."""
+        return isinstance(effect, Line)
 
 
 def _explains(fit: Fit) -> float:
     """Return ln L of what a fit explains."""
     return -np.inf if fit.supported is None else fit.supported
-
-
-def power_differences(a: Evidence, b: Evidence,
-                      bands: int = 6) -> list[tuple[str, str, str, float]]:
-    """
-    Compare the measured power of two records in bands of frequency.
-
-    The ln of a mean of w chi-squared has variance 2/w.
-
-    """
-    low = max(a.whole.bins.f[0], b.whole.bins.f[0])
-    high = min(a.whole.bins.f[-1], b.whole.bins.f[-1])
-    edges = np.geomspace(low, high, bands + 1)
-    out = []
-    for f0, f1 in zip(edges, edges[1:]):
-        logs = []
-        for e in (a, b):
-            some = (e.whole.bins.f >= f0) & (e.whole.bins.f <= f1)
-            w = e.whole.bins.count[some]
-            if not w.sum():
-                break
-            p = e.whole.power[some] + e.whole.lines[:, some].sum(axis=0)
-            # relative power against a smooth line through the band, so that a slope does not weigh
-            logs.append((float(np.sum(w * np.log(np.maximum(p, 1e-300))) / w.sum()), 2 / w.sum()))
-        if len(logs) == 2:
-            ratio = logs[1][0] - logs[0][0]
-            sigmas = ratio / np.sqrt(logs[0][1] + logs[1][1] + 2 * 0.002)
-            out.append((f'power {f0:.3g} to {f1:.3g} Hz', '1', f'{np.exp(ratio):.3g}',
-                        float(sigmas)))
-    return out
 
 
 def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:

@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+What differs between two records of an axis, whatever their models say: power in bands, and lines.
+
+Two records differ in length and rate, so their bins do. What is compared is the mean over a band
+of measured over expected power, expected of one and the same spectrum in the bins of each: then
+neither where bins lie nor how many there are says anything. Of w coefficients such a mean is
+chi-squared/w, and the ratio of two is Fisher's F.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.special import fdtr, fdtrc, ndtri
+
+from .evidence import Evidence
+from .kinds import Coupling, Mean, Response, Spectrum
+from .likelihood import Likelihood
+from .views import independent
+from ..core.spectrum import Bins
+from ..loop.effect import Estimate, Fit, Model
+from ..loop.problem import Difference
+
+BANDS = 6       # from the longest wave of the shorter record to the lower Nyquist frequency
+APART = 2.0     # resolutions of the shorter record, up to which two lines are the same, ...
+CLOCKS = 1e-3   # ... or by which clocks may differ
+SLOWEST = 8.0   # waves that a record must hold for a line of it to be looked for
+MISSED = 1e-3   # chance to take noise for a line, which a line that is not seen stays below
+RAREST = 1e-300
+
+
+def differences(a: Evidence, a_fit: Fit, b: Evidence, b_fit: Fit) -> list[Difference]:
+    """Return how power and lines of one record differ from those of another."""
+    return [*_lines(a, b), *_power(a, a_fit, b, b_fit)]
+
+
+def _power(a: Evidence, a_fit: Fit, b: Evidence, b_fit: Fit) -> Iterator[Difference]:
+    """
+    Compare the power in bands of frequency.
+
+    Lines are compared for themselves: bins near one of either record are left out in both.
+
+    """
+    longer = max((a, a_fit), (b, b_fit), key=lambda x: x[0].duration)[1]
+    same = Model(e for e in longer.model if isinstance(e, (Spectrum, Response)))
+    at = np.concatenate([a.line_table[:, 0], b.line_table[:, 0]])
+    blur = APART / min(a.duration, b.duration)
+    found = [(e.whole.bins.f, *_relative(e, fit, same, at, blur))
+             for e, fit in ((a, a_fit), (b, b_fit))]
+    edges = np.geomspace(max(f[0] for f, *_ in found), min(f[-1] for f, *_ in found), BANDS + 1)
+    for low, high in zip(edges, edges[1:]):
+        last = high == edges[-1]
+        (x, v), (y, w) = (
+            _mean(*(z[(f >= low) & ((f < high) | last & (f <= high))] for z in (r, weight)))
+            for f, r, weight in found)
+        if v and w and x and y:
+            yield Difference(f'power {low:.3g} to {high:.3g} Hz', Estimate(1.0, None, None),
+                             Estimate(y / x, None, None), '1', as_sigmas(y / x, w, v))
+
+
+def _relative(e: Evidence, fit: Fit, same: Model, lines: np.ndarray,
+              blur: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return measured over expected power (b,) and how many coefficients tell it, (b,)."""
+    own = Likelihood(e, 'whole', fit.model, fit)
+    power = own.without_couplings(fit.model) if fit.model.of(Coupling) else own.power
+    weight = independent(e, fit.model, own.weight)
+    # what was solved for in a mean took about as many of the first coefficients with it
+    weight[:sum(p.linear for m in fit.model.of(Mean) for p in m.parameters)] = 0.0
+    weight[_near(e.whole.bins, lines, blur)] = 0.0
+    return power / Likelihood(e, 'whole', same).spectra(same)[0], weight
+
+
+def _near(bins: Bins, at: np.ndarray, blur: float) -> np.ndarray:
+    """Tell which bins (b,) hold a frequency, or lie within ``blur`` Hz of it."""
+    reach = blur + bins.count / (4 * bins.n * bins.dt)
+    return np.any(np.abs(bins.f[:, None] - at) < reach[:, None], axis=1)
+
+
+def _mean(x: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """
+    Return the mean of relative powers (b,) and its degrees of freedom, 0 where there are none.
+
+    Where the spectrum is another than expected, what is loud tells the mean, and it has fewer:
+    2 mean^2 over its variance (Satterthwaite 1946), that of each bin being 2 E[x^2]/(w + 2).
+
+    """
+    total = float(weight.sum())
+    if not total:
+        return 0.0, 0.0
+    mean = float(weight @ x) / total
+    spread = float(np.sum(weight**2 * x**2 / (weight + 2)))
+    return mean, min(total, (total * mean) ** 2 / spread) if spread else 0.0
+
+
+def as_sigmas(ratio: float, w: float, v: float) -> float:
+    """Return how rare a ratio of two mean powers of w and v degrees of freedom is, as sigma."""
+    above = ratio > 1
+    p = fdtrc(w, v, ratio) if above else fdtr(w, v, ratio)
+    sigmas = -float(ndtri(np.clip(p, RAREST, 0.5)))
+    return sigmas if above else -sigmas
+
+
+def _lines(a: Evidence, b: Evidence) -> Iterator[Difference]:
+    """Compare the amplitudes of the lines of two records, each with the nearest of the other."""
+    left = list(range(len(b.line_table)))
+    for i, f in enumerate(a.line_table[:, 0]):
+        reach = max(APART / min(a.duration, b.duration), CLOCKS * f)
+        near = [j for j in left if abs(b.line_table[j, 0] - f) < reach]
+        j = min(near, key=lambda j: abs(b.line_table[j, 0] - f), default=None)
+        if j is not None:
+            left.remove(j)
+            x, y = a.line(i).amplitude, b.line(j).amplitude
+            assert x.value is not None and y.value is not None
+            yield Difference(f'line {f:.6g} Hz', x, y, '{rate}', float(
+                (y.value - x.value) / np.hypot(x.std or 0.0, y.std or 0.0)))
+        elif (x := _unseen(b, f)) is not None:
+            yield Difference(f'line {f:.6g} Hz', a.line(i).amplitude, x, '{rate}',
+                             -_beyond(a.line(i).amplitude, x))
+    for j in left:
+        f = float(b.line_table[j, 0])
+        if (x := _unseen(a, f)) is not None:
+            yield Difference(f'line {f:.6g} Hz', x, b.line(j).amplitude, '{rate}',
+                             _beyond(b.line(j).amplitude, x))
+
+
+def _unseen(e: Evidence, frequency: float) -> Estimate | None:
+    """
+    Return below what a line stays that is not among those of a record; None where none is sought.
+
+    (A/std)^2/2 is what it gains, nats, and ln of the number of places, over the chance to take
+    noise for one, is asked. What stands above the level around may be one that is not coherent.
+
+    """
+    bins = e.whole.bins
+    if not SLOWEST / e.duration < frequency < bins.f[-1]:
+        return None
+    std = (e.no_line(frequency).upper95 or 0.0) / 2.45
+    k = int(bins.index(int(2 * e.duration * frequency)))
+    here = slice(max(k - 1, 0), k + 2)
+    level = std**2 * e.duration
+    excess = float(np.sum((e.whole.power[here] - level) * bins.count[here])) / (2 * e.duration)
+    most = np.sqrt(2 * std**2 * np.log(e.n / MISSED) + 2 * max(excess, 0.0))
+    return Estimate(None, std, (0.0, float(most)), upper95=float(most))
+
+
+def _beyond(seen: Estimate, unseen: Estimate) -> float:
+    """Return by how many standard deviations a line is larger than one that was not seen is."""
+    assert seen.value is not None and unseen.upper95 is not None
+    return max(0.0, float((seen.value - unseen.upper95)
+                          / np.hypot(seen.std or 0.0, unseen.std or 0.0)))
