@@ -12,6 +12,7 @@ import numpy as np
 
 from .curves import rebinned
 from .panel import Curve, Panel, plain
+from .signed import signed
 from .style import dress, FAINT, GOOD, log_scale, MEASURED, MODEL, new_figure, png, readable
 from ..core import units
 from ..core.allan import interval
@@ -102,7 +103,7 @@ def study_figure(study: Study) -> Figure:
 
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a filter's study, ``innovations``; no target has one of its own."""
-    return {'innovations': png(study_figure(study))}
+    return {'innovations': png(signed(study_figure(study), study.source))}
 
 
 def panels(state: State) -> Mapping[str, Callable[[], Panel]]:
