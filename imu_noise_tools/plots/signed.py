@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime, timezone
 from pathlib import PurePath
 from typing import Any, TYPE_CHECKING
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STRIP = 0.24            # inches that the line takes
-SINCE = 1e8, 1e11       # s: stamps between these count from 1970; others from some start
 
 
 def origin(source: Mapping[str, Any]) -> str:
@@ -31,8 +29,7 @@ def origin(source: Mapping[str, Any]) -> str:
     duration, start = (float(source.get(k) or 0.0) for k in ('duration_s', 'start'))
     if duration:
         said.append(units.duration(duration))
-    if SINCE[0] < start < SINCE[1]:
-        said.append(datetime.fromtimestamp(start, timezone.utc).strftime('%Y-%m-%d %H:%M UTC'))
+    said.append(units.date(start))
     return '  ·  '.join(x for x in said if x)
 
 
