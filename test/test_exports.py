@@ -12,6 +12,7 @@ K^2 to the bias.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 import json
 import math
@@ -28,7 +29,7 @@ from imu_noise_tools import export
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.export._numbers import _between
-from imu_noise_tools.loop.effect import Estimate, Model, model_of
+from imu_noise_tools.loop.effect import Estimate, Model, registry
 from imu_noise_tools.sheet import Sheet
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -383,10 +384,11 @@ def test_what_a_record_does_not_show_is_not_said_to_be_left_out(study):
                                        'Not observable')):
         state = study.states['gyro_x']
         flicker = Estimate(value, None, None, 'rad/s', upper95=upper, point=1e-5)
-        model = model_of('noise', ['white', 'random_walk', 'flicker'])
+        effect = registry('noise')['flicker']({'B': 1e-5})
         fit = replace(state.fit, estimates={**state.fit.estimates, 'flicker': {'B': flicker}},
-                      model=Model([*state.model, model['flicker']]))
-        one = replace(study, states={'gyro_x': replace(state, fit=fit)})
+                      model=Model([*state.model, effect]))
+        one = copy(study)
+        one.states = {'gyro_x': replace(state, fit=fit)}
         text = export.export(one, 'kalibr')
         assert said in text and other not in text
         assert (value is not None) or 'flicker (B below 4.13 deg/h)' in text
