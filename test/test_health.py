@@ -590,3 +590,10 @@ def test_a_coarse_output_repeats_by_itself(what):
     (said,) = (s for s in examine(record).advice if 'repeat the one before' in s)
     assert ('publishes faster' in said) == (what != 'coarse')
     assert ('steps of the output' in said) == (what == 'coarse')
+
+
+def test_a_record_that_is_too_short_to_tell_says_so():
+    """At rest it is analysed, and warned of below a minute; a minute is enough."""
+    for seconds, some in ((15, True), (59, True), (60, False), (90, False)):
+        ready = prepare(quiet(np.random.default_rng(3), seconds, 100.0))
+        assert any('no more than the white noise N' in w for w in ready.warnings) == some
