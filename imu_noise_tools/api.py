@@ -401,8 +401,9 @@ class Study:
 
         """
         if name == 'ladder':
-            from .plots import ladder, style
-            return Picture(style.png(ladder.ladder_figure(self.study)))
+            from .plots import ladder, signed, style
+            return Picture(style.png(
+                signed.signed(ladder.ladder_figure(self.study), self.study.source)))
         full = [name] if name in self.study.states else []
         found = part('plots', self.domain).pictures(self.study, full)
         if name is None:

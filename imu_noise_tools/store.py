@@ -166,9 +166,9 @@ def target_to_dict(study: Study, target: str) -> dict:
     }
     error = state.error
     out['error'] = {
-        'held_out': error.excess,
-        'held_out_std': error.std,
-        'within_chance': error.within_chance,
+        'held_out': _known(error.excess),
+        'held_out_std': _known(error.std),
+        'within_chance': None if math.isnan(error.excess) else error.within_chance,
         'views': {k: v.excess for k, v in error.views.items()},
         **state.summary,
     }
@@ -203,12 +203,17 @@ def estimate_to_dict(e: Estimate, parameter: Parameter, sensor: str = '') -> dic
     return out
 
 
+def _known(error: float) -> float | None:
+    """Return an error as plain data: none where nothing was predicted."""
+    return None if math.isnan(error) else error
+
+
 def step_to_dict(s: Step) -> dict:
     """Return one rung of the ladder."""
     out: dict[str, Any] = {'target': s.target, 'effects': list(s.effects), 'added': s.added}
     if s.removed:
         out['removed'] = s.removed
-    out.update(held_out=s.held_out, held_out_std=s.held_out_std)
+    out.update(held_out=_known(s.held_out), held_out_std=_known(s.held_out_std))
     if s.fall is not None:
         out['fall'] = s.fall
     out['verdict'] = s.verdict
@@ -280,8 +285,7 @@ def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
     return Step(
         d['target'],
         tuple(d['effects']),
-        d['held_out'],
-        d['held_out_std'],
+        *(math.nan if d[k] is None else d[k] for k in ('held_out', 'held_out_std')),
         d.get('added'),
         d.get('removed'),
         d.get('fall'),

@@ -12,6 +12,7 @@ K^2 to the bias.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 import json
 import math
@@ -28,7 +29,8 @@ from imu_noise_tools import export
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.export._numbers import _between
-from imu_noise_tools.loop.effect import Estimate
+from imu_noise_tools.loop.effect import Estimate, Model, registry
+from imu_noise_tools.sheet import Sheet
 from imu_noise_tools.tasks.noise import analyse_record
 
 GYRO_HZ, ACCEL_HZ = 200.0, 63.0         # on topics of their own, as of a camera
@@ -368,11 +370,53 @@ def test_a_horizon_is_covered_or_refused(study, name):
 def test_a_file_says_where_it_is_from(study, name):
     """Source, samples, the rates of both sensors, the interval and the convention."""
     text = export.export(study, name)
-    assert 'camera.mcap' in text or name == 'kalibr'
-    if name != 'kalibr':
-        assert '120000 samples' in text and '63 Hz' in text and '200 Hz' in text
-        e = study.states['gyro_x'].fit.estimates['white']['N']
-        assert f'[{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]' in text
+    assert 'camera.mcap' in text
+    assert '120000 samples' in text and '63 Hz' in text and '200 Hz' in text and '10 min' in text
+    e = study.states['gyro_x'].fit.estimates['white']['N']
+    assert f'[{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]' in text
+
+
+def test_what_a_record_does_not_show_is_not_said_to_be_left_out(study):
+    """It stays below a limit, which the file tells; what is there is not in N and K."""
+    for value, upper, said, other in ((None, 2e-5, 'Not observable in this record: gyro_x: ',
+                                       'Not in N and K'),
+                                      (2e-5, None, 'Not in N and K: gyro_x: flicker',
+                                       'Not observable')):
+        state = study.states['gyro_x']
+        flicker = Estimate(value, None, None, 'rad/s', upper95=upper, point=1e-5)
+        effect = registry('noise')['flicker']({'B': 1e-5})
+        fit = replace(state.fit, estimates={**state.fit.estimates, 'flicker': {'B': flicker}},
+                      model=Model([*state.model, effect]))
+        one = copy(study)
+        one.states = {'gyro_x': replace(state, fit=fit)}
+        text = export.export(one, 'kalibr')
+        assert said in text and other not in text
+        assert (value is not None) or 'flicker (B below 4.13 deg/h)' in text
+
+
+def test_a_horizon_claims_no_more_than_the_record_shows(study):
+    """Beyond its longest averaging time nothing is covered, whatever is asked for."""
+    text = export.export(study, 'kalibr', horizon=1e9)
+    said = next(x for x in text.splitlines() if 'Chosen' in x)
+    reach = min(float(c.tau[c.edf > 3][-1]) for c in (
+        s.problem.evidence.curve for s in study.states.values()))
+    assert f'up to {reach:.3g} s: the record shows nothing longer' in said
+    assert 'up to 30 s\n' in export.export(study, 'kalibr', horizon=30.0)
+
+
+def test_of_a_population_it_is_said_and_the_topic_is_not_made_up():
+    """Values of no record: who states them, and that the topic is not known."""
+    values = {'gyro_x': {('white', 'N'): 1e-4, ('random_walk', 'K'): 1e-6}}
+    one = Sheet('f: population of m', 'a fleet', 100.0, values, ('covers 95 % of units',)).study()
+    text = export.export(one, 'kalibr')
+    assert 'values stated by a fleet' in text and '# covers 95 % of units' in text
+    assert 'samples' not in text and "rostopic: '/imu0'   # not known here" in text
+    assert yaml.safe_load(text)['rostopic'] == '/imu0'
+
+
+def test_the_rule_that_is_written_is_the_rule(study):
+    """The mean of the axes is their rms, and said to be."""
+    assert 'rms of the axes' in export.export(study, 'kalibr', axes='mean')
 
 
 # -- calibrations

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 
+from matplotlib.colors import to_hex
 import numpy as np
 from params import daily
 import pytest
@@ -29,6 +30,7 @@ from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.health import motion_doubts
 from imu_noise_tools.loop.effect import Model, model_of
 from imu_noise_tools.loop.study import Study
+from imu_noise_tools.plots import filter as pictures
 from imu_noise_tools.tasks.filter import filter_samples, input_unit, noise_of_a_sample
 
 RATE, N = 100.0, 6000
@@ -735,3 +737,39 @@ def test_what_is_slow_is_no_noise_of_a_sample(tmp_path, capsys):
     said = capsys.readouterr().out
     assert 'error of a rate, deg/s' in said and 'white noise of a sample 0.1146' in said
     assert 'bias) 0.5730' in said
+
+
+def colours_of(ax):
+    """Return the colours of an axes' bars."""
+    return {to_hex(c) for lines in ax.collections for c in lines.get_color()} \
+        if ax.collections else set()
+
+
+def test_the_picture_of_the_innovations_is_bright_where_a_test_fails_alone():
+    """A true model's is not, though one bar of twenty is outside; of a wrong level time is."""
+    for kind, panels in (('', set()), ('noise_level', {'time', 'spectrum'})):
+        study = study_of(record(kind, n=3000))
+        problem, fit = study.states['gyro_x'].problem, study.states['gyro_x'].fit
+        found = pictures.judged(problem, fit)
+        assert panels <= found.failing and bool(panels) == bool(found.failing)
+        figure = pictures.study_figure(study)
+        bars = colours_of(figure.axes[1])
+        assert (pictures.MODEL in bars) == ('spectrum' in panels)
+        assert panels or pictures.BEYOND in bars        # by chance
+        assert [t.get_text() for t in figure.legends[0].get_texts()][0].startswith('where 95 %')
+
+
+def test_what_a_bank_loses_by_itself_is_pale_and_said():
+    """Beside *complete* nothing is bright: a sway is followed coarsely, within what that costs."""
+    z = record('harmonic', n=1500)
+    problem = FilterProblem(z, 1 / RATE, stated={'white': STATED['white']})
+    study = Study.begin({'gyro_x': problem}, model_of('filter', ('any_motion', 'white')))
+    fit = study.states['gyro_x'].fit
+    found = pictures.judged(problem, fit)
+    lost, allowed = problem.lost(fit.model)['spectrum']
+    assert not found.failing and 0 < lost < allowed == pytest.approx(0.12)
+    assert f'{lost:.2g} nats' in found.said['spectrum']
+    assert pictures.MODEL not in colours_of(pictures.study_figure(study).axes[1])
+    assert f'{lost:.2g} nats a sample are lost, of 0.12' in problem.leave(fit.model)
+    true = study_of(record('', n=3000)).states['gyro_x']
+    assert true.problem.leave(true.fit.model) == ''

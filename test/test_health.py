@@ -634,3 +634,10 @@ def test_a_rate_that_contradicts_the_stamps_is_said(tmp_path, kind, rate, given,
     assert 'stamps were used' not in heard
     if kind == 'mcap' and said:
         assert 'the samples at --rate-hz span' in heard and 'the rate was used' in heard
+
+
+def test_a_record_that_is_too_short_to_tell_says_so():
+    """At rest it is analysed, and warned of below a minute; a minute is enough."""
+    for seconds, some in ((15, True), (59, True), (60, False), (90, False)):
+        ready = prepare(quiet(np.random.default_rng(3), seconds, 100.0))
+        assert any('no more than the white noise N' in w for w in ready.warnings) == some

@@ -19,7 +19,7 @@ import numpy as np
 from params import daily
 import pytest
 
-from imu_noise_tools.core import allan, gauss_markov
+from imu_noise_tools.core import allan, gauss_markov, units
 from imu_noise_tools.core.errors import FitError, ImuNoiseError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.filter import statespace
@@ -31,7 +31,7 @@ from imu_noise_tools.noise.curve import effect_avar, model_curve
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Coupling, Inputs, model_avar
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.plots import curves, noise, panels, proof, style
+from imu_noise_tools.plots import curves, noise, panels, proof, signed, style
 from imu_noise_tools.plots.ladder import ladder, ladder_figure
 
 DT, N = 0.02, 60000
@@ -545,3 +545,65 @@ def test_names_on_lines_keep_clear_of_other_lines():
     assert set(where) == {'up', 'down'}
     assert abs(where['up'][0] - where['up'][1]) < 0.03              # on its own line
     assert abs(where['up'].sum() - 1) > 0.1                         # away from the other
+
+
+def test_a_picture_says_what_it_is_of(study):
+    """Name, topic, rate, duration and date stand in a strip of its own; what is above stays."""
+    source = {'path': '/data/day 1/$bag', 'topic': '/imu', 'rate_hz': 200.0,
+              'duration_s': 3600.0, 'start': 1.76e9}
+    said = signed.origin(source)
+    assert said == '$bag  ·  /imu  ·  200 Hz  ·  60 min  ·  2025-10-09 08:53 UTC'
+    assert signed.origin({'path': 'x', 'start': 12.0, 'topic': ''}) == 'x'
+    both = {'streams': {s: {'topic': f'/{s}', 'rate_hz': r} for s, r in
+                        (('gyro', 400.0), ('accel', 200.0))}}
+    assert signed.origin(both) == '/gyro  ·  /accel  ·  400 Hz  ·  200 Hz'
+    figure = noise.series_figure(study)
+    high = figure.get_figheight()
+    before = [ax.get_window_extent().bounds for ax in figure.axes]
+    assert signed.signed(figure, source).texts[-1].get_text() == said
+    assert figure.get_figheight() == pytest.approx(high + signed.STRIP)
+    for ax, (x, y, wide, tall) in zip(figure.axes, before):
+        assert ax.get_window_extent().bounds == pytest.approx(
+            (x, y + 100 * signed.STRIP, wide, tall), abs=0.01)
+    assert style.png(figure)[:4] == b'\x89PNG'
+
+
+def test_a_curve_says_its_values(study):
+    """N, B, K stand above it with the units they are printed in; an upper limit is said to be."""
+    state = study.states['gyro_x']
+    ax = panels.allan(an_axes(), state)
+    title = ax.get_title(loc='right')
+    n = state.fit.estimates['white']['N'].value
+    assert f'N {n / units.DEG * 60:.3g} °/√h' in title
+    some = dict(state.fit.estimates)
+    some['flicker'] = {'B': replace(some['flicker']['B'], value=None, upper95=1e-4)}
+    panels.values(ax, replace(state, fit=replace(state.fit, estimates=some)))
+    assert 'B < 20.6 °/h' in ax.get_title(loc='right')
+    assert f'N = {n / units.DEG:.3g} °/s/√Hz = {n / units.DEG * 60:.3g} °/√h' == \
+        panels.psd(an_axes(), state).get_title(loc='right')
+
+
+def test_a_logarithmic_axis_can_be_read():
+    """Over two decades 2 and 5 have numbers; between decades there are ticks without."""
+    ax = an_axes()
+    style.log_scale(ax.yaxis, 3.0, 250.0)
+    assert [t.get_text() for t in ax.get_yticklabels()] == ['5', '10', '20', '50', '100', '200']
+    assert 30 in ax.yaxis.get_minorticklocs() and 20 not in ax.yaxis.get_minorticklocs()
+    style.log_scale(ax.yaxis, 1e-3, 1e3)
+    assert 20 in ax.yaxis.get_minorticklocs()
+    assert style.number(2e-5) == '2·10⁻⁵' and style.number(1e5) == '10⁵'
+
+
+def test_names_keep_off_other_lines():
+    """A name is wide: none of another line runs through it."""
+    ax = an_axes()
+    x = np.linspace(0, 1, 200)
+    ax.set_xlim(0, 1)
+    ax.set_ylim(0, 1)
+    style.label_lines(ax, [(x, x, 'a_long_name', 'k')], [(x, np.minimum(x + 0.02, 0.5))])
+    text = ax.texts[-1]
+    ax.figure.canvas.draw()
+    (x0, y0), (x1, y1) = ax.transData.inverted().transform(text.get_window_extent())
+    other = np.minimum(x + 0.02, 0.5)
+    inside = (x > x0) & (x < x1)
+    assert not np.any((other[inside] > y0) & (other[inside] < y1))

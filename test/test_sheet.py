@@ -20,6 +20,7 @@ import yaml
 from imu_noise_tools import export, sheet
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.report import terminal
 from imu_noise_tools.store import load
 from imu_noise_tools.tasks import sheet as tasks
 from imu_noise_tools.tasks.noise import analyse_record
@@ -218,3 +219,16 @@ def test_what_a_sheet_says_of_itself_agrees():
         'noise_density': '0.008 deg/s/sqrt(Hz)'}}).values['gyro_x']['white', 'N']
     path = next(p for p in SHEETS if p.stem == 'adis16470')
     assert tasks.load(path).values['gyro_x']['white', 'N'] == pytest.approx(found, rel=0.01)
+
+
+def test_an_error_that_nobody_measured_is_none(tmp_path):
+    """In study.yaml null, in the ladder a dash; read back it is what it was."""
+    one = sheet.read({'rate_hz': 100, 'gyro': {'noise_density': '0.01 deg/s/sqrt(Hz)'}}).study('s')
+    for name, data in tasks.outputs(one).items():
+        (tmp_path / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    text = (tmp_path / 'study.yaml').read_text()
+    assert '.nan' not in text and yaml.safe_load(text)['history'][0]['held_out'] is None
+    again = load(tmp_path)
+    assert all(math.isnan(s.held_out) and math.isnan(s.held_out_std) for s in again.history)
+    shown = terminal.history(again.history)
+    assert 'nan' not in shown and ' - ' in shown

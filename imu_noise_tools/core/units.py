@@ -12,6 +12,7 @@ derivative, ``{integral}`` for its time integral.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime, timezone
 import math
 
 _SI = {
@@ -92,6 +93,12 @@ def duration(seconds: float) -> str:
     if seconds < 120:
         return f'{seconds:.3g} s'
     return f'{seconds / 60:.3g} min' if seconds < 7200 else f'{seconds / 3600:.3g} h'
+
+
+def date(start: float) -> str:
+    """Return date and time of a stamp, s since 1970; empty where it counts from elsewhere."""
+    return datetime.fromtimestamp(start, timezone.utc).strftime('%Y-%m-%d %H:%M UTC') \
+        if 1e8 < start < 1e11 else ''
 
 
 def in_percent(share: float) -> str:

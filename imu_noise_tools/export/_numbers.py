@@ -9,8 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ._values import left_out, number, PARAMETERS, rests_on, Value, value_of
+from ._values import (
+    covered, left_out, number, PARAMETERS, rests_on, unseen, Value, value_of
+)
 from ..core.errors import InputError, UsageError
+from ..core.units import date, duration
 from ..loop.effect import Estimate
 from ..loop.study import Study
 
@@ -84,26 +87,39 @@ class Numbers:
 
     def about(self, convention: str) -> list[str]:
         """Return sentences on where the numbers are from, what they leave out, and how to read."""
-        source = self.study.source
-        rates = ', '.join(f'{SENSORS[s]} {self.rate(s):.6g} Hz' for s in self.sensors)
-        said = [convention,
-                f'From {source.get("path") or "a study"}, topic {self.topic("")}, '
-                f'{source.get("samples")} samples; {rates}']
+        said = [convention, *self._origin()]
         rule = {'each': 'each axis its own', 'mean': 'rms of the axes',
                 'worst': 'the largest of the axes'}.get(self.axes, self.axes)
         said.append(f'Of a sensor: {rule}' + (f', times {self.inflate:g}'
                                               if self.inflate != 1 else ''))
         if self.horizon is not None:
-            said.append('Chosen so that the Allan deviation covers model and data up to '
-                        f'{self.horizon:g} s')
+            said.append(covered(self.study, self.horizon))
         there = [(s, p) for s in self.sensors for p in 'NK' if self._gives(s, p)]
         said += [self._measured(*some) for some in there]
         said += rests_on(self.study, self.horizon)
         out = left_out(self.study, self.horizon)
         if out:
             said.append('Not in N and K: ' + '; '.join(out))
+        out = unseen(self.study, self.horizon)
+        if out:
+            said.append('Not observable in this record: ' + '; '.join(out))
         notes = [n for some in there for n in self.value(*some).notes]
         return said + list(dict.fromkeys(notes))
+
+    def _origin(self) -> list[str]:
+        """Return the record that the numbers are from; of stated values who states them."""
+        source = self.study.source
+        rates = ', '.join(f'{SENSORS[s]} {self.rate(s):.6g} Hz' for s in self.sensors)
+        name = source.get('path') or 'a study'
+        if source.get('sheet'):
+            stated = source.get('sheet_source') or source['sheet']
+            return [f'From {name}: values stated by {stated}, of no record of its own; {rates}',
+                    *(source.get('notes') or ())]
+        more = [f'topic {self.topic("")}', f'{source.get("samples")} samples']
+        if source.get('duration_s'):
+            more.append(duration(source['duration_s']))
+        more += [x for x in [date(source.get('start') or 0.0)] if x]
+        return [f'From {name}, {", ".join(more)}; {rates}']
 
     def _gives(self, sensor: str, parameter: str) -> bool:
         """Tell whether the study gives a coefficient at all: what states values may not."""

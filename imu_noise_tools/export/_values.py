@@ -10,12 +10,14 @@ N and K of a sensor, over its axes, with what had to be said.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 
 from ..core.errors import InputError, unknown, UsageError
+from ..core.units import shown
 from ..health import MOTION_KEPT
 from ..loop.effect import find_effect, unfitted
 from ..loop.prediction import State
@@ -107,19 +109,54 @@ def _resolved(state: State, parameter: str) -> tuple[float | None, str]:
 
 def left_out(study: Study, horizon: float | None = None) -> list[str]:
     """
-    Return what a (N, K) file leaves out of each axis' model.
+    Return what a (N, K) file leaves out of each axis' model, of what the record shows.
 
     Nothing where N and K are those that cover the curve.
 
     """
+    return _others(study, horizon, lambda state, label: label if _there(state, label) else '')
+
+
+def unseen(study: Study, horizon: float | None = None) -> list[str]:
+    """Return what of each axis' model the record does not show, and below what it stays then."""
+    def said(state: State, label: str) -> str:
+        if _there(state, label):
+            return ''
+        found, sensor = state.fit.estimates[label], state.problem.target.partition('_')[0]
+        limits = [f'{p.name} below {shown(found[p.name].upper95, p.unit, sensor)}'
+                  for p in state.model[label].parameters
+                  if p.name in found and found[p.name].upper95 is not None]
+        return f'{label} ({", ".join(limits)})' if limits else ''
+    return _others(study, horizon, said)
+
+
+def _others(study: Study, horizon: float | None,
+            say: Callable[[State, str], str]) -> list[str]:
+    """Return what there is to say of the effects beside those of N and K, a text an axis."""
     out = []
     for axis, state in study.states.items():
-        if horizon is not None or fails(state):
-            continue
-        more = [e.label for e in state.model if e.name not in ('white', 'random_walk')]
-        if more:
-            out.append(f'{axis}: {", ".join(more)}')
+        if horizon is None and not fails(state):
+            more = [x for e in state.model if e.name not in ('white', 'random_walk')
+                    if (x := say(state, e.label))]
+            out += [f'{axis}: {", ".join(more)}'] if more else []
     return out
+
+
+def _there(state: State, label: str) -> bool:
+    """Tell whether any amplitude of an effect is resolved; what has none is there."""
+    found = state.fit.estimates.get(label, {})
+    amplitudes = [found[p.name].value for p in state.model[label].parameters
+                  if p.amplitude and p.name in found]
+    return not amplitudes or any(x is not None for x in amplitudes)
+
+
+def covered(study: Study, horizon: float) -> str:
+    """Say up to which averaging time N and K of a horizon cover the curves: those end."""
+    reach = min(_span(s, horizon)[1] for s in study.states.values())
+    more = '' if horizon <= 1.1 * reach else \
+        f': the record shows nothing longer, of the {horizon:g} s that were asked for'
+    return ('Chosen so that the Allan deviation covers model and data up to '
+            f'{reach if more else horizon:.3g} s{more}')
 
 
 def fails(state: State) -> bool:

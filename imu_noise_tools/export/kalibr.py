@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ._values import left_out, number, rests_on, value_of
+from ._numbers import commented, Numbers
+from ._values import number
 from ..loop.study import Study
 
 CONSUMER = 'ethz-asl/kalibr'
@@ -25,6 +26,8 @@ PLACES = (
     ('aslam_offline_calibration/kalibr/python/kalibr_common/ConfigReader.py', '464-492',
      '1f60227442'),
 )
+CONVENTION = ('Kalibr IMU noise parameters, continuous time (square roots of two-sided '
+              'densities), SI units')
 DESCRIPTION = 'Kalibr imu.yaml: noise densities N and random walks K, continuous time'
 KEYS = (
     ('accelerometer_noise_density', 'accel', 'N', 'm/s^2/sqrt(Hz)'),
@@ -39,42 +42,27 @@ def text(
     **_: Any
 ) -> str:
     """Return imu.yaml; one value per sensor, by the rule ``axes``, times ``inflate``."""
-    lines = [
-        '# Kalibr IMU noise parameters, continuous time (square roots of two-sided densities), '
-        'SI units.',
-        f'# One value a sensor: {axes} of its axes'
-        + (f', times {inflate:g}' if inflate != 1 else '')
-        + '.',
-    ]
-    if horizon is not None:
-        lines.append(
-            f'# Chosen so that the Allan deviation covers model and data up to {horizon:g} s.'
-        )
-    lines += [f'# {said}.' for said in rests_on(study, horizon)]
-    out = left_out(study, horizon)
-    if out:
-        lines.append('# Not in these two numbers: ' + '; '.join(out) + '.')
+    numbers = Numbers(study, axes, inflate, horizon)
     body = []
     for key, sensor, parameter, unit in KEYS:
-        value = value_of(study, sensor, parameter, horizon)
-        if value is None:
+        if sensor not in numbers.sensors:
             body.append(f'# {key}: the record has no {sensor}')
             continue
-        lines += [f'# {note}.' for note in value.notes]
-        body.append(f'{key}: {number(value.one(axes) * inflate)}   # {unit}')
+        body.append(f'{key}: {number(numbers.one(sensor, parameter))}   # {unit}')
     body += _stream(study)
-    return '\n'.join(lines + body) + '\n'
+    return commented(numbers.about(CONVENTION)) + '\n'.join(body) + '\n'
 
 
 def _stream(study: Study) -> list[str]:
     """Return topic and rate, which are those of the gyroscope where the sensors have their own."""
     streams = study.source.get('streams') or {}
     first = streams.get('gyro', study.source)
-    topic = str(first.get('topic') or '/imu0').split(',')[0]
+    known = str(first.get('topic') or '').split(',')[0]
+    topic = known or '/imu0'
     quoted = "'" + topic.replace("'", "''") + "'"
     rate = float(first.get('rate_hz', 0.0))
     out = [
-        f'rostopic: {quoted}',
+        f'rostopic: {quoted}' + ('' if known else '   # not known here: put that of your bag'),
         f'update_rate: {rate:.6g}' if rate % 1 else f'update_rate: {rate:.1f}',
     ]
     if 'accel' in streams and 'gyro' in streams:

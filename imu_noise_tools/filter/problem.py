@@ -187,6 +187,24 @@ class FilterProblem(Problem):
         seen = self.prediction(fit.model)
         return omnibus(seen.u, self.dt, covers(fit.model), seen.smooth)
 
+    def strict(self, model: Model) -> list[Finding]:
+        """Return the tests of the innovations that allow nothing to a bank for any motion."""
+        seen = self.prediction(model)
+        return omnibus(seen.u, self.dt, smooth=seen.smooth)
+
+    def lost(self, model: Model) -> dict[str, tuple[float, float]]:
+        """Return by view the nats a sample that a model loses, and that it may lose by itself."""
+        count = 2 * len(self.prediction(model).u)
+        return {k: (max(v.excess, 0.0) * len(v.pull) / count, v.allowed * len(v.pull) / count)
+                for k, v in self._score(model, covers(model)).views.items()}
+
+    def leave(self, model: Model) -> str:
+        """Say that a bank for any motion fails by what it loses by itself alone."""
+        lost, allowed = self.lost(model)['spectrum']
+        return (f'a bank for any motion follows coarsely: {lost:.2g} nats a sample are lost, of '
+                f'{allowed:.2g} that it may lose by itself'
+                if allowed and failures(self.strict(model)) else '')
+
     def candidates(self, fit: Fit) -> list[Finding]:
         """
         Return what could be added.

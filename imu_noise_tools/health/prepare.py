@@ -77,8 +77,8 @@ def prepare(
     Raises
     ------
     InputError
-        Fewer than 100 samples, more than 1 % not finite, every axis constant, or under 60 s at
-        rest.
+        Fewer than 100 samples, more than 1 % not finite, every axis constant, or a record that
+        moves with under 60 s at rest.
 
     """
     memory = memory or Memory()
@@ -107,7 +107,16 @@ def prepare(
     except ImuNoiseError as error:
         raise error.after(*record.warnings)
     record = record.warned(*([MOTION_KEPT] if keep_motion else []))
-    return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion))
+    return record.warned(*_rate_doubts(record), *_unit_doubts(record, keep_motion),
+                         *_too_short(record))
+
+
+def _too_short(record: ImuRecord) -> list[str]:
+    """Say what a record that is shorter than a rest is asked to be cannot show."""
+    if record.duration_s + record.dt >= LEAST_REST_S:
+        return []
+    return [f'only {record.duration_s:.3g} s: no more than the white noise N shows in so short a '
+            f'record; for anything slower {RECORDING}']
 
 
 def in_motion(record: ImuRecord) -> ImuRecord:

@@ -99,6 +99,8 @@ def diagnose(state: State, tried: Iterable[Finding] = ()) -> Diagnosis:
     ranked = _ranking(search, chain)
     telling = left.failed if left and not found else failed
     advice = state.problem.advice(said, ranked, list(telling))
+    if said == 'complete':
+        advice = '; '.join(x for x in (advice, state.problem.leave(state.model)) if x)
     enough = True if left is None else left.sufficient
     return Diagnosis(said, tuple(ranked), tuple(failed), advice, tuple(found), left, enough)
 

@@ -131,6 +131,10 @@ class Problem(ABC):
         """Return what to do next, in a sentence or two."""
         return ''
 
+    def leave(self, model: Model) -> str:
+        """Say by what leave a model is complete that does not meet the data; or nothing."""
+        return ''
+
     def summary(self, fit: Fit[Any]) -> dict[str, float]:
         """Return what else describes a fit, as numbers by name."""
         return {}

@@ -116,8 +116,10 @@ class Results:
     def draw(self, study: Study) -> None:
         """Publish the picture of a study."""
         from ..plots.noise import allan_figure
+        from ..plots.signed import signed
         from ..plots.style import pixels
-        self._outputs['plot'].publish(messages.image(self._node, pixels(allan_figure(study))))
+        self._outputs['plot'].publish(messages.image(
+            self._node, pixels(signed(allan_figure(study), study.source))))
 
     def refresh(self, study: Study | None) -> None:
         """Publish the live curves where samples have come since, with the model there is."""

@@ -12,6 +12,7 @@ from typing import cast, TYPE_CHECKING
 import numpy as np
 
 from .panel import Curve, Panel
+from .signed import signed
 from .style import (
     AXES,
     dress,
@@ -55,6 +56,7 @@ def residuals(ax: Axes, calibration: Calibration) -> Axes:
     if poses.n <= 24:
         ax.set_xticks(1 + np.arange(poses.n), poses.names, rotation=90 if poses.n > 9 else 0)
     else:
+        ax.xaxis.set_major_locator(_whole_numbers())
         ax.set_xlabel('turns, then rests' if problem.method == 'turns' else 'pose',
                       fontsize=SMALL)
     ax.set_xlim(0.3, poses.n + 0.7)
@@ -66,6 +68,12 @@ def residuals(ax: Axes, calibration: Calibration) -> Axes:
         ax.text(1.0, 1.02, 'shaded: the other poses predict something else',
                 transform=ax.transAxes, ha='right', va='bottom', fontsize=SMALL, color=FAIL)
     return ax
+
+
+def _whole_numbers():
+    """Return what puts ticks at poses: there is none between two."""
+    from matplotlib.ticker import MaxNLocator
+    return MaxNLocator(integer=True, min_n_ticks=1)
 
 
 def _magnitudes(ax, calibration, x):
@@ -144,7 +152,7 @@ def sphere(axes: Sequence[Axes], calibration: Calibration) -> Sequence[Axes]:
                 x, y = _lambert(d, sign)
                 ax.plot(x, y, 'o', markersize=13, markerfacecolor='none', markeredgecolor=FAINT)
                 out = 1.2 if abs(d[2]) < 0.5 else 0
-                ax.text(out * x, out * y - (0.17 if not out else 0), face, fontsize=SMALL,
+                ax.text(out * x, out * y - (0.25 if not out else 0), face, fontsize=SMALL,
                         ha='center', va='center', color=MEASURED)
         here = u[:, sign * u[2] >= -0.02]
         x, y = _lambert(here, sign)
@@ -181,6 +189,7 @@ def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
     ax.set_yscale('log')
     dress(ax, f'{title}, before and after', 'turn' if calibration.problem.method == 'turns' else
           'pose', unit_)
+    ax.xaxis.set_major_locator(_whole_numbers())
     low, high = ax.get_ylim()
     ax.set_ylim(low, high * (high / low) ** 0.25)
     ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncol=2)
@@ -241,8 +250,9 @@ def _weighed(calibration):
 
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     """Return the picture of a calibration study, ``poses``; of a second sensor one of its own."""
-    more = {f'target {t}': png(calibration_figure(of_study(study, t))) for t in study.targets[1:]}
-    return {**more, 'poses': png(calibration_figure(of_study(study)))}
+    names = {'poses': study.targets[0], **{f'target {t}': t for t in study.targets[1:]}}
+    return {name: png(signed(calibration_figure(of_study(study, t)), study.source))
+            for name, t in names.items()}
 
 
 def panels(state: State) -> Mapping[str, Callable[[], Panel]]:

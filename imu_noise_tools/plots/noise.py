@@ -12,9 +12,10 @@ from .curves import curves, evidence_of, runs, TAU
 from .ladder import ladder, ladder_figure
 from .looks import panels
 from .panels import (
-    allan, distribution, HATCHED, in_time, psd, pulls, series, set_aside, shade, Stretch,
-    suspected
+    allan, distribution, HATCHED, in_time, psd, pulls, series, series_key, set_aside, shade,
+    Stretch, suspected
 )
+from .signed import signed
 from .style import AXES, dress, log_scale, MEASURED, MODEL, new_figure, pixels, png, SMALL
 from ..core import units
 from ..health import MOTION_KEPT
@@ -22,6 +23,7 @@ from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
 from ..loop.study import Study
 from ..noise import views
+from ..noise.kinds import Mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +46,7 @@ def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
     if study.source.get('keep_motion'):
         for figure in figures.values():
             figure.text(0.004, 0.004, MOTION_KEPT, fontsize=SMALL, color=MODEL)
-    return {name: png(figure) for name, figure in figures.items()}
+    return {name: png(signed(figure, study.source)) for name, figure in figures.items()}
 
 
 def left_out(study: Study, target: str) -> Sequence[Stretch]:
@@ -173,12 +175,15 @@ def series_figure(study: Study) -> Figure:
     """Return the time series of all axes of a noise study: a column a sensor, a row an axis."""
     rows = _rows(study)
     count = max(len(r) for r in rows)
-    wide, high = 6.5 * len(rows), 1.75 * count + 0.3
+    wide, high = 6.5 * len(rows), 1.75 * count + 0.52
     figure = new_figure(wide, high)
-    grid = figure.add_gridspec(count, len(rows), left=0.7 / wide, right=0.99, top=1 - 0.28 / high,
+    grid = figure.add_gridspec(count, len(rows), left=0.7 / wide, right=0.99, top=1 - 0.5 / high,
                                bottom=0.45 / high, hspace=0.42, wspace=0.16)
     for k, row in enumerate(rows):
         for i, target in enumerate(row):
             series(figure.add_subplot(grid[i, k]), study.states[target],
-                   left_out(study, target), xlabel=i == len(row) - 1)
+                   left_out(study, target), xlabel=i == len(row) - 1, key=False)
+    figure.legend(handles=series_key(any(s.model.of(Mean) for s in study.states.values()),
+                                     any(left_out(study, t) for t in study.targets)),
+                  loc='upper right', ncol=4, fontsize=SMALL, frameon=False, borderaxespad=0.2)
     return figure

@@ -37,6 +37,7 @@ from ..core import units
 from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
 from ..noise import views
+from ..noise.classic import READINGS
 from ..noise.kinds import Coupling, Line, Mean
 
 if TYPE_CHECKING:
@@ -91,15 +92,34 @@ def allan(ax: Axes, state: State, found: Curves | None = None, title: str | None
         lines = _effect_lines(ax, state, found, factor)
         ax.plot(c.tau, np.sqrt(found.model) / factor, color=MODEL, linewidth=1.5)
         shown = [r for r in marks if r.sigma / factor > low and c.tau[0] <= r.tau <= c.tau[-1]]
+        written = []
         for r in shown:
             here = np.sqrt(np.interp(r.tau, found.tau, found.model))
             own, later = np.sqrt(np.interp([r.tau, 2 * r.tau], found.tau, found.each[r.label]))
             # its name stands to the right: above it only where its own line falls away from there
             below = r.sigma < 0.8 * here or later > 0.85 * own
-            _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label), below)
-        label_lines(ax, lines, [(c.tau, c.dev / factor),
-                                *(([r.tau], [r.sigma / factor]) for r in shown)])
+            written.append(
+                _mark(ax, r.tau, r.sigma / factor, r.symbol, _colour(state, r.label), below))
+        label_lines(ax, lines, [(c.tau, c.dev / factor), (c.tau, np.sqrt(found.model) / factor),
+                                *(([r.tau], [r.sigma / factor]) for r in shown)], written)
+        values(ax, state)
     return ax
+
+
+def values(ax: Axes, state: State) -> None:
+    """Write above an axes, at its right, what the coefficients are that are read of a curve."""
+    said = []
+    for e in state.model:
+        for p in e.parameters:
+            found = state.fit.estimates.get(e.label, {}).get(p.name)
+            if found is None or e.name not in READINGS or p.name != READINGS[e.name][0]:
+                continue
+            less, value = ('', found.value) if found.value is not None else ('< ', found.upper95)
+            if value is not None:
+                factor, unit = units.field(p.unit, evidence_of(state).sensor)
+                said.append(f'{p.name} {less}{value / factor:.3g} {readable(unit)}')
+    rows = [';  '.join(said[k:k + 3]) for k in range(0, len(said), 3)]
+    ax.set_title('\n'.join(rows), fontsize=SMALL, loc='right', color=MEASURED)
 
 
 def _band(ax, x, lo, hi, middle):
@@ -124,16 +144,22 @@ def _effect_lines(ax, state, found, factor):
     for label, v in found.each.items():
         if isinstance(state.model[label], Line):
             v = line_envelope(state.model[label], c.m, c.dt)
-        lines.append(_dashed(ax, state, label, c.tau, np.sqrt(np.maximum(v, 1e-300)) / factor))
+        y = np.sqrt(np.maximum(v, 1e-300)) / factor
+        if np.sum(y > ax.get_ylim()[0]) > 2:        # what only touches a corner has no name there
+            lines.append(_dashed(ax, state, label, c.tau, y))
     return lines
 
 
 def _mark(ax, x, y, name, colour, below):
-    """Circle a reading; its name stays clear of the curve."""
+    """Circle a reading; its name stays clear of the curve. Return where that stands."""
     ax.plot([x], [y], 'o', markersize=6, markerfacecolor='white', markeredgecolor=colour,
             markeredgewidth=1.6, zorder=7)
     ax.annotate(name, (x, y), xytext=(5, -10 if below else 5), textcoords='offset points',
-                fontsize=SMALL, fontweight='bold', color=colour, zorder=7)
+                fontsize=SMALL, fontweight='bold', color=colour, zorder=7,
+                bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.5, 'alpha': 0.85})
+    points = ax.figure.dpi / 72
+    at = ax.transData.transform((x, y)) + points * np.array([8, -7 if below else 8])
+    return tuple(ax.transData.inverted().transform(at))
 
 
 def pulls(ax: Axes, x: np.ndarray, pull: np.ndarray, label: str = '', xlabel: str = TAU) -> Axes:
@@ -199,6 +225,7 @@ def psd(ax: Axes, state: State) -> Axes:
     less = f' less {", ".join(x.label for x in known)}' if known else ''
     dress(ax, f'{e.axis}: spectrum{less}', 'frequency, Hz',
           f'noise density (two-sided), {readable(unit)}')
+    ax.set_title(_white_level(state), fontsize=SMALL, loc='right', color=MEASURED)
     log_scale(ax.xaxis, f[0], f[-1] * 1.05)
     log_scale(ax.yaxis, min(level.min(), v.min()) / 3, 2 * max(level.max(), v.max(), total.max()))
     ax.plot(f, total, '.', color=FAINT, markersize=2.0, alpha=0.5)
@@ -210,6 +237,19 @@ def psd(ax: Axes, state: State) -> Axes:
         _name_line(ax, e, e.line_table[i, 0], total)
     hatch(ax, state)
     return ax
+
+
+def _white_level(state: State) -> str:
+    """Return N in the unit of the spectrum, and in the one that it is printed in."""
+    found = state.fit.estimates.get('white', {}).get('N')
+    if found is None or found.value is None:
+        return ''
+    sensor = evidence_of(state).sensor
+    factor, unit = DENSITY[sensor]
+    said = [(factor, unit)]
+    printed = units.field('{rate}/sqrt(Hz)', sensor)
+    said += [printed] if printed != said[0] else []
+    return ' = '.join(['N', *(f'{found.value / f:.3g} {readable(u)}' for f, u in said)])
 
 
 def set_aside(state: State) -> list[dict[str, Any]]:
@@ -232,7 +272,7 @@ def _name_line(ax, e, at, density):
 
 
 def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
-           xlabel: bool = True) -> Axes:
+           xlabel: bool = True, key: bool = True) -> Axes:
     """
     Draw the time series: extremes of each column, block means, what the model says of the mean.
 
@@ -246,6 +286,8 @@ def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
         Stretches that the fit did not use, s from the first sample.
     xlabel : bool
         Whether to label the time axis.
+    key : bool
+        Whether to say in it what is drawn.
 
     """
     e = evidence_of(state)
@@ -266,7 +308,27 @@ def series(ax: Axes, state: State, left_out: Sequence[Stretch] = (),
         # the edge shows what is shorter than a pixel
         ax.axvspan(begin / scale, end / scale, color=FAINT, alpha=0.3, linewidth=1.0)
     ax.set_xlim(0, e.duration / scale)
+    if key:
+        ax.legend(handles=series_key(bool(state.model.of(Mean)), bool(left_out),
+                                     AXES[e.axis[-1]]),
+                  fontsize=SMALL, frameon=False, loc='upper right', ncol=4, handlelength=1.2,
+                  columnspacing=1.0, borderaxespad=0.1)
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.15 * (high - low))        # room for it
     return ax
+
+
+def series_key(mean: bool, left_out: bool, colour: str = FAINT) -> list[Any]:
+    """Return the handles of a legend of time series."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    out: list[Any] = [Patch(color=colour, alpha=0.45, linewidth=0, label='smallest to largest'),
+                      Line2D([], [], color=MEASURED, linewidth=1.0, label='means')]
+    if mean:
+        out.append(Line2D([], [], color=MODEL, linewidth=1.4, label='model of the mean'))
+    if left_out:
+        out.append(Patch(color=FAINT, alpha=0.3, linewidth=0, label='left out'))
+    return out
 
 
 def _time_unit(duration):

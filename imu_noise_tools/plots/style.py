@@ -32,6 +32,7 @@ EFFECTS = ('#0072b2', '#009e73', '#9a5fb5', '#b8860b', '#56b4e9', '#cc79a7', '#5
 # none is the model's colour, and each is told from it; of the schemes of Okabe and Ito, Tol (2021)
 AXES = {'x': '#0072b2', 'y': '#bb5566', 'z': '#44aa99'}
 SMALL, NORMAL, LARGE = 8, 9, 12
+FEW = 2.5           # decades: over fewer than that 2 and 5 have their numbers too
 _RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
 
 
@@ -97,11 +98,12 @@ def readable(unit: str) -> str:
 
 
 def number(value: float) -> str:
-    """Return a tick's number: 0.01, 1, 1000, 10⁵."""
+    """Return a tick's number: 0.01, 1, 1000, 10⁵, 2·10⁻⁵."""
     power = round(math.log10(abs(value))) if value else 0
     if value and (power > 3 or power < -3) and math.isclose(abs(value), 10.0 ** power):
         return ('−' if value < 0 else '') + '10' + str(power).translate(_RAISED)
-    return f'{value:g}'
+    head, e, tail = f'{value:g}'.partition('e')
+    return f'{head}·10{str(int(tail)).translate(_RAISED)}' if e else head
 
 
 def dress(ax: Axes, title: str = '', x: str = '', y: str = '') -> Axes:
@@ -131,11 +133,23 @@ def log_scale(axis: Axis, low: float, high: float, most: int = 7) -> None:
     """
     first = math.ceil(math.log10(low) - 1e-9)
     last = math.floor(math.log10(high) + 1e-9)
-    if last - first < 1:
-        at = [d * 10.0 ** k for k in range(first - 1, last + 2) for d in (1, 2, 5)]
+    decades, step = range(first - 1, last + 2), max(1, -(-(last - first) // most))
+    if math.log10(high / low) < FEW:
+        at = [d * 10.0 ** k for k in decades for d in (1, 2, 5)]
     else:
-        at = [10.0 ** k for k in range(first, last + 1, max(1, -(-(last - first) // most)))]
+        at = [10.0 ** k for k in range(first, last + 1, step)]
     _scale(axis, [v for v in at if low <= v <= high], 'log', low, high)
+    if step == 1:
+        _between(axis, [v for k in decades for d in range(1, 10)
+                        if low <= (v := d * 10.0 ** k) <= high and v not in at])
+
+
+def _between(axis, ticks):
+    """Put ticks without numbers, with faint lines, between those of a logarithmic axis."""
+    from matplotlib.ticker import FixedLocator
+    axis.set_minor_locator(FixedLocator(ticks))
+    axis.set_tick_params(which='minor', length=1.5, color=FAINT, width=0.5)
+    axis.grid(True, which='minor', color='#f1f3f5', linewidth=0.5)
 
 
 def signed_log_scale(axis: Axis, linear: float, low: float, high: float) -> None:
@@ -158,7 +172,8 @@ def _scale(axis, ticks, kind, low, high, **options):
 
 
 def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str]],
-                avoid: Iterable[tuple[ArrayLike, ArrayLike]] = ()) -> None:
+                avoid: Iterable[tuple[ArrayLike, ArrayLike]] = (),
+                written: Iterable[tuple[float, float]] = ()) -> None:
     """
     Write names on lines, each where it is farthest from all other lines and names.
 
@@ -170,6 +185,8 @@ def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str
         Data coordinates, (k,) each.
     avoid : sequence of (x, y)
         What else should stay free.
+    written : sequence of (x, y)
+        Where names stand already.
 
     """
     box = ax.get_window_extent()
@@ -183,7 +200,8 @@ def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str
 
     paths = [on_page(x, y) for x, y, *_ in lines]
     others = [on_page(x, y) for x, y in avoid]
-    taken = np.zeros((0, 2))
+    taken = np.concatenate([*(on_page([x], [y]) for x, y in written), np.zeros((0, 2))])
+    others.append(taken)
     for i, (_, _, name, colour) in enumerate(lines):
         half = np.array([0.3 * line_height * len(name), 0.8 * line_height])
         p = paths[i]
@@ -196,7 +214,7 @@ def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str
         liked = np.repeat([0.0, -0.4 * line_height], len(inside) // 2)
         rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others,
                                np.zeros((0, 2))])
-        room = np.minimum(_distance(inside, rest), 2.5 * line_height)
+        room = np.minimum(_distance(inside, rest, half[0]), 2.5 * line_height)
         # two names side by side need the width of one
         flat = np.array([0.25, 1.0])
         room = np.minimum(room, _distance(inside * flat, taken * flat))
@@ -209,7 +227,10 @@ def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str
                 bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85})
 
 
-def _distance(a, b):
+def _distance(a, b, half=0.0):
+    """Return how far each of a (n, 2), so wide to either side, is from the nearest of b."""
     if not len(b):
         return np.full(len(a), np.inf)
-    return np.sqrt(np.min(np.sum((a[:, None, :] - b[None, :, :]) ** 2, axis=2), axis=1))
+    apart = np.abs(a[:, None, :] - b[None, :, :])
+    apart[..., 0] = np.maximum(apart[..., 0] - half, 0.0)
+    return np.sqrt(np.min(np.sum(apart ** 2, axis=2), axis=1))

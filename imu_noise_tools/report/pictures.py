@@ -15,7 +15,7 @@ from ..loop.domains import part
 from ..loop.effect import find_effect, Finding, Model, unfitted
 from ..loop.prediction import State
 from ..loop.study import Step, Study
-from ..plots import ladder, proof, style
+from ..plots import ladder, proof, signed, style
 
 MOST_TARGETS = 2          # targets shown in full
 MOST_PROOFS = 16          # a page is one file that can be mailed
@@ -38,7 +38,7 @@ def pictures(study: Study) -> dict[str, bytes]:
                    for k in out) < MOST_PROOFS:
                 out[name] = data
     if any(s.added or s.removed for s in study.history):
-        out['ladder'] = style.png(ladder.ladder_figure(study))
+        out['ladder'] = style.png(signed.signed(ladder.ladder_figure(study), study.source))
     return out
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
+import math
 import shutil
 import textwrap
 from typing import Any
@@ -98,10 +99,15 @@ def after_diagnosis(study: Study, folder: str = 'DIR') -> str:
 def history(steps: Iterable[Step]) -> str:
     """Return the ladder of models tried as a table."""
     head = ('target', 'model', 'change', 'error', 'chance', 'deviance fell by', 'the error')
-    return _clean(table([(s.target, ' + '.join(s.effects), words.change(s), f'{s.held_out:.4f}',
-                          f'{words.CHANCE * s.held_out_std:.4f}',
+    return _clean(table([(s.target, ' + '.join(s.effects), words.change(s), _or_dash(s.held_out),
+                          _or_dash(words.CHANCE * s.held_out_std),
                           '' if s.fall is None else f'{s.fall:.1f}', s.verdict)
                          for s in steps], head))
+
+
+def _or_dash(value: float) -> str:
+    """Return an error, or a dash where nothing was predicted."""
+    return '-' if math.isnan(value) else f'{value:.4f}'
 
 
 def rung(step: Step) -> str:
