@@ -282,10 +282,13 @@ def history_of(data: Mapping, arrays: Mapping[str, np.ndarray] | None = None) ->
 
 
 def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
+    held_out, std = (math.nan if d[k] is None else float(d[k])
+                     for k in ('held_out', 'held_out_std'))
     return Step(
         d['target'],
         tuple(d['effects']),
-        *(math.nan if d[k] is None else d[k] for k in ('held_out', 'held_out_std')),
+        held_out,
+        std,
         d.get('added'),
         d.get('removed'),
         d.get('fall'),

@@ -93,7 +93,7 @@ def _unused(of: Parameter, x: Estimate, y: Estimate) -> bool:
 
 def _of_estimates(target: str, what: str, of: Parameter, x: Estimate, y: Estimate) -> dict:
     if of.choices:
-        names = [str(of.written(e.value)) for e in (x, y)]
+        names = ['-' if e.value is None else str(of.written(e.value)) for e in (x, y)]
         return _row(target, what, *names,
                     verdict='the same' if names[0] == names[1] else 'another in each model')
     return _values(target, what, of.unit, x, y, _apart(of, x, y))
