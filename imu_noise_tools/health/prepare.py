@@ -155,7 +155,8 @@ def unit_doubts(record: ImuRecord, sensors: Iterable[str] = SENSORS) -> list[str
     fast = too_fast(record) if 'gyro' in sensors else []
     if rest is None:
         return fast
-    some = replace(rest, **{s: None for s in SENSORS if s not in sensors})
+    some = replace(rest, gyro=rest.gyro if 'gyro' in sensors else None,
+                   accel=rest.accel if 'accel' in sensors else None)
     return [*fast, *wrong_units(some, turns=True)]
 
 
