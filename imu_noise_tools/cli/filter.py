@@ -157,8 +157,7 @@ def filter_bag(args: argparse.Namespace) -> int:
         f'\nwritten: {data["bag"]} (topic {data["topic"]})'
         + (
             f' and {data["study"]}\nnext: imu_noise diagnose {data["study"]}'
-            if data['study']
-            else ''
+            if data['study'] else ''
         )
     )
     return 0
