@@ -301,7 +301,7 @@ FULL = [
     ('apply', '{good}/x.mcap', '--calibration', '{good}/calibration.yaml', '-o', 'old.mcap',
      '--force'),
     ('filter', '{good}/x.mcap', '--motion', 'constant_rate', '-o', 'old.mcap', '--force'),
-    ('export', '{good}/x.study', '--format', 'kalibr', '-o', 'old.yaml'),
+    ('export', '{good}/x.study', '--format', 'kalibr', '-o', 'old.yaml', '--force'),
     ('simulate', 'spec.yaml', '-o', 'old.mcap', '--force'),
     ('remove', 'old', 'flicker'),
 ]
