@@ -383,6 +383,19 @@ def test_full_disk_in_a_process(command, good, tmp_path, monkeypatch):
     assert content(tmp_path) == before
 
 
+@pytest.mark.parametrize('size', [2000, 40_000])
+def test_full_disk_under_a_database(size, good, tmp_path, monkeypatch):
+    """What SQLite says of a full disk is told as of any other file."""
+    monkeypatch.chdir(tmp_path)
+    write_bag('x', bad_input.still(20), storage='sqlite3')
+    before = content(tmp_path)
+    done = limited(size, ('apply', 'x', '--calibration', '{good}/calibration.yaml', '-o', 'y'),
+                   good)
+    said = [s for s in done.stderr.splitlines() if not s.startswith('warning: ')]
+    assert_one_line(done.returncode, said, 'y: cannot be written')
+    assert content(tmp_path) == before
+
+
 @pytest.mark.parametrize('command, after', in_turn(FULL, [2, 1, 3]))
 def test_interrupted(command, after, good, run, quick, tmp_path, monkeypatch):
     """Ctrl-C while files are written: status 130, old results whole, nothing left over."""
