@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import threading
+from typing import Any
 import warnings
 
 from . import completion
@@ -66,7 +67,7 @@ class Terminated(KeyboardInterrupt):
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
     """Raise Terminated for SIGTERM (docker stop, systemd, CI) and SIGHUP (a closed terminal)."""
-    before = {}
+    before: dict[int, Any] = {}
 
     def end(number, _):
         for one in before:      # `timeout` sends it twice: the second would stop the cleaning up
