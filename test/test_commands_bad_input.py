@@ -301,7 +301,7 @@ FULL = [
     ('apply', '{good}/x.mcap', '--calibration', '{good}/calibration.yaml', '-o', 'old.mcap',
      '--force'),
     ('filter', '{good}/x.mcap', '--motion', 'constant_rate', '-o', 'old.mcap', '--force'),
-    ('export', '{good}/x.study', '--format', 'kalibr', '-o', 'old.yaml'),
+    ('export', '{good}/x.study', '--format', 'kalibr', '-o', 'old.yaml', '--force'),
     ('simulate', 'spec.yaml', '-o', 'old.mcap', '--force'),
     ('remove', 'old', 'flicker'),
 ]
@@ -380,6 +380,19 @@ def test_full_disk_in_a_process(command, good, tmp_path, monkeypatch):
     done = limited(2000, command, good)
     said = [s for s in done.stderr.splitlines() if not s.startswith('warning: ')]
     assert_one_line(done.returncode, said, 'cannot be written')
+    assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize('size', [2000, 40_000])
+def test_full_disk_under_a_database(size, good, tmp_path, monkeypatch):
+    """What SQLite says of a full disk is told as of any other file."""
+    monkeypatch.chdir(tmp_path)
+    write_bag('x', bad_input.still(20), storage='sqlite3')
+    before = content(tmp_path)
+    done = limited(size, ('apply', 'x', '--calibration', '{good}/calibration.yaml', '-o', 'y'),
+                   good)
+    said = [s for s in done.stderr.splitlines() if not s.startswith('warning: ')]
+    assert_one_line(done.returncode, said, 'y: cannot be written')
     assert content(tmp_path) == before
 
 

@@ -520,3 +520,15 @@ def test_a_study_without_an_accelerometer(study):
 def test_an_interval_beside_a_value_that_covers_the_curve_is_the_fits(e, value, said):
     """Where the model fails the value written is none of the fit, and may lie outside."""
     assert _between(e, value) == said
+
+
+@pytest.mark.parametrize('name', [n for n in export.formats() if n != 'dlio'])
+def test_an_export_knows_its_own(name, study, tmp_path):
+    """One of other numbers is replaced, one of another format is not."""
+    path, other = tmp_path / 'imu', 'kalibr' if name != 'kalibr' else 'px4'
+    export.write(path, export.export(study, name))
+    export.write(path, export.export(study, name, inflate=2.0))
+    with pytest.raises(InputError, match='exists.*--force'):
+        export.write(path, export.export(study, other))
+    export.write(path, export.export(study, other), force=True)
+    assert path.read_text() == export.export(study, other)

@@ -195,6 +195,31 @@ def test_what_a_killed_process_left_goes(tmp_path):
     assert names(tmp_path) == ['study'] and (path / 'study.yaml').read_text() == 'new'
 
 
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP])
+def test_a_command_that_is_ended_leaves_nothing(number, tmp_path):
+    """As after Ctrl-C, also where the signal comes twice, as `timeout` sends it."""
+    code = (
+        'import os, shutil, signal, sys, time\n'
+        'from imu_noise_tools.cli import main, noise\n'
+        'from imu_noise_tools.core import files\n'
+        'kill = lambda: os.kill(os.getpid(), int(sys.argv[2]))\n'
+        'def slow(args):\n'
+        '    with files.new_folder(sys.argv[1]) as folder:\n'
+        '        (folder / "study.yaml").write_text("new")\n'
+        '        kill()\n        time.sleep(60)\n'
+        'def rmtree(*args, before=shutil.rmtree, **kwargs):\n'
+        '    kill()\n    before(*args, **kwargs)\n'
+        'shutil.rmtree = rmtree\n'
+        'noise.analyse = slow\n'
+        'sys.exit(main.main(["analyse", "x"]))\n'
+    )
+    done = subprocess.run([sys.executable, '-c', code, str(tmp_path / 'study'), str(int(number))],
+                          capture_output=True, text=True, cwd=Path(files.__file__).parents[2],
+                          timeout=50)
+    assert (done.returncode, done.stderr) == (128 + number, 'interrupted\n')
+    assert names(tmp_path) == []
+
+
 def test_another_process_is_left_alone(tmp_path):
     """What a living process is writing stays."""
     with new_folder(tmp_path / 'a') as first:

@@ -251,6 +251,23 @@ def test_what_is_exported_of_a_study(tmp_path, analysed):
     assert yaml.safe_load((tmp_path / 'imu.yaml').read_text())['gyroscope_noise_density'] > 0
 
 
+def test_an_export_replaces_nothing_but_an_export(tmp_path, analysed, capsys):
+    """Whatever else is there stays, a study first of all; a script may run again."""
+    mine, study = tmp_path / 'mine.csv', analysed / 'study.yaml'
+    mine.write_text('t,gyro_x\n' + '0.01,0.125,0.25,0.375,0.5\n' * 3)
+    for path in (mine, study):
+        before = path.read_bytes()
+        assert main(['export', str(analysed), '--format', 'kalibr', '-o', str(path)]) == 1
+        said = capsys.readouterr().err
+        assert f'{path}: the file exists' in said and '--force' in said
+        assert path.read_bytes() == before
+    run('export', analysed, '--format', 'kalibr', '-o', mine, '--force')
+    kalibr = mine.read_text()
+    run('export', analysed, '--format', 'kalibr', '-o', mine, '--inflate', '2')
+    assert mine.read_text() != kalibr
+    run('export', analysed, '--format', 'openvins', '-o', mine, status=1)
+
+
 def test_formats_are_listed(capsys):
     """Every format with what it holds; else a study, a format and a file are needed."""
     listed = json.loads(run('export', '--list', '--json'))['formats']

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import hidden
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import Estimate, find_effect, Model
 from imu_noise_tools.noise.plan import duration_for, durations_for, FAINT, range_in_words
-from imu_noise_tools.store import study_files
+from imu_noise_tools.store import FORMAT, study_files
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, B = 8.7e-5, 2.4e-5
@@ -72,6 +73,17 @@ def test_of_what_is_resolved_the_ends_are_those_of_its_interval():
     (7200.0, 7201.0, '2 h'), (3600.0, 82800.0, '60 min to 23 h'), (0.4, 25.2, '1 s to 25 s')])
 def test_ranges_in_words(least, most, said):
     assert range_in_words(least, most) == said
+
+
+@pytest.mark.parametrize('domain', ['calibration', 'filter'])
+def test_only_noise_is_planned(domain, tmp_path, capsys):
+    """A study of another kind is named as one; it is no defect."""
+    (tmp_path / 'study.yaml').write_text(
+        f'format: {FORMAT}\ndomain: {domain}\nsource: {{}}\ntargets: {{}}\nhistory: []\n'
+        'diagnosis: {}\n')
+    assert main(['plan', str(tmp_path)]) == 1
+    said = capsys.readouterr().err
+    assert f'a {domain} study; only noise' in said and 'defect' not in said
 
 
 def test_no_plan_for_what_is_there_already():

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 import sqlite3
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ from .rosbag1 import Rosbag1File
 from .rosbag1_writer import record as rosbag1_record, Rosbag1Writer
 from .source import Bag, ZSTD
 from .sqlite import SqliteFile
-from .sqlite_writer import SqliteWriter
+from .sqlite_writer import as_os_error, SqliteWriter
 from .topics import choose
 from ..core.errors import InputError
 
@@ -282,9 +283,8 @@ class Copy:
 
     def _sqlite(self, file: SqliteFile, path: Path) -> None:
         if not file.problems.cut:
-            with sqlite3.connect(path) as copy:
+            with as_os_error(), closing(sqlite3.connect(path)) as copy:
                 file.database.backup(copy)
-            copy.close()
         with SqliteWriter(path) as writer:
             if file.problems.cut:
                 self._rows(file, writer)

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 import errno
 from pathlib import Path
 import sqlite3
@@ -32,18 +33,29 @@ INSERT INTO schema(schema_version, ros_distro) VALUES (4, 'jazzy');
 INDEX = 'CREATE INDEX IF NOT EXISTS timestamp_idx ON messages (timestamp ASC)'
 
 
+@contextmanager
+def as_os_error() -> Iterator[None]:
+    """Say as an OSError what went wrong in writing, as of any other file."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        number = errno.ENOSPC if 'full' in str(error) else errno.EIO
+        raise OSError(number, str(error)) from error
+
+
 class SqliteWriter:
     """One sqlite3 file, or more rows for one that is there; use it in a ``with``."""
 
     def __init__(self, path: Path):
         fresh = not path.exists()
-        self.database = sqlite3.connect(path, isolation_level=None)
-        # It is renamed into place when it is whole: a journal would only double the writing.
-        self.database.execute('PRAGMA journal_mode = OFF')
-        self.database.execute('PRAGMA synchronous = OFF')
-        if fresh:
-            self.database.executescript(TABLES)
-        self.database.execute('BEGIN')
+        with as_os_error():
+            self.database = sqlite3.connect(path, isolation_level=None)
+            # It is renamed into place when it is whole: a journal would only double the writing.
+            self.database.execute('PRAGMA journal_mode = OFF')
+            self.database.execute('PRAGMA synchronous = OFF')
+            if fresh:
+                self.database.executescript(TABLES)
+            self.database.execute('BEGIN')
 
     def topic(self, name: str, type: str, encoding: str = 'cdr') -> int:
         """Add a topic; return its id."""
@@ -126,5 +138,5 @@ class SqliteWriter:
         """Close; say as an OSError what went wrong in writing."""
         self.database.close()
         if isinstance(error, sqlite3.Error):
-            number = errno.ENOSPC if 'full' in str(error) else errno.EIO
-            raise OSError(number, str(error)) from error
+            with as_os_error():
+                raise error

@@ -87,11 +87,11 @@ def _run(args: argparse.Namespace) -> int:
         with common.progress_line(args) as progress:
             summary = assemble.bring_up_to_date(kept, bags, args.scheduler, args.workers,
                                                 args.retry_failed, progress, begun)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         done = sum(kept.done(b) for b in bags)
         print(f'interrupted: {done} of {len(bags)} bags are done and kept in {kept.folder}; the '
               'same command goes on from there', file=sys.stderr)
-        return 130
+        return getattr(stop, 'status', 130)
     if args.json:
         common.print_json(summary)
     else:

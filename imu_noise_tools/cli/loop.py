@@ -122,6 +122,8 @@ def _register_export(commands) -> None:
     )
     c.add_argument('--calibration', metavar='DIR', help='a calibration to go with it')
     c.add_argument('-o', '--output', metavar='FILE', help='-: standard output')
+    c.add_argument('--force', action='store_true',
+                   help='replace a file that is no earlier export of this format')
     common.output_options(c, 'the text of the file, or the formats')
     c.set_defaults(func=export)
 
@@ -362,7 +364,6 @@ def _of_fleet(args):
 def export(args: argparse.Namespace) -> int:
     """Run ``export``."""
     from .. import export as exports, store
-    from ..core import files
     from ..core.errors import InputError, unknown, UsageError
     from ..loop.domains import package
 
@@ -395,7 +396,7 @@ def export(args: argparse.Namespace) -> int:
         calibration=args.calibration,
     )
     if args.output != '-':
-        files.atomic_write(args.output, content)
+        exports.write(args.output, content, args.force)
     if args.json:
         common.print_json({'format': args.format, 'output': args.output, 'text': content})
     elif args.output == '-':

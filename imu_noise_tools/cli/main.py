@@ -6,11 +6,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import importlib
 import importlib.util
 import os
+import signal
 import sys
+import threading
+from typing import Any
 import warnings
 
 from . import completion
@@ -52,18 +56,48 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class Terminated(KeyboardInterrupt):
+    """A signal that asks to end: it unwinds as Ctrl-C does, so that nothing is left half."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.status = 128 + number
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Raise Terminated for SIGTERM (docker stop, systemd, CI) and SIGHUP (a closed terminal)."""
+    before: dict[int, Any] = {}
+
+    def end(number, _):
+        for one in before:      # `timeout` sends it twice: the second would stop the cleaning up
+            signal.signal(one, signal.SIG_IGN)
+        raise Terminated(number)
+
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) == signal.SIG_DFL:      # nohup ignores SIGHUP
+                before[number] = signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """
     Run one command.
 
-    Return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted.
+    Return its exit status: 0 done, 1 bad input, 2 wrong usage, 130 interrupted (143, 129 by
+    SIGTERM, SIGHUP).
 
     """
     commands = parser()
     completion.answer(commands)
     args = commands.parse_args(argv)
     try:
-        with warnings.catch_warnings():
+        with _ended_by_signals(), warnings.catch_warnings():
             if not sys.warnoptions:     # numpy's are for who programs; ours are printed
                 warnings.simplefilter('ignore', RuntimeWarning)
             return args.func(args) or 0
@@ -73,9 +107,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImuNoiseError as error:
         _say(error)
         return 1
-    except KeyboardInterrupt:
-        print('interrupted', file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as stop:
+        status = stop.status if isinstance(stop, Terminated) else 130
+        try:
+            print('interrupted', file=sys.stderr)
+        except OSError:         # of a terminal that is closed
+            pass
+        return status
     except BrokenPipeError:
         sys.stderr.close()
         return 1

@@ -20,10 +20,11 @@ from typing import Any
 
 from ._calibration import read
 from ._values import PARAMETERS
-from ..core.errors import unknown, UsageError
+from ..core import files
+from ..core.errors import InputError, unknown, UsageError
 from ..loop.study import Study
 
-__all__ = ['descriptions', 'export', 'formats', 'module', 'PARAMETERS']
+__all__ = ['descriptions', 'export', 'formats', 'module', 'PARAMETERS', 'write']
 
 
 def formats() -> list[str]:
@@ -70,6 +71,38 @@ def export(study: Study, name: str, calibration: str | Path | None = None, **opt
                 f'correct the bag with imu_noise apply, or choose from {", ".join(able)}')
         options['calibration'] = read(calibration)
     return chosen.text(study, **options)
+
+
+def write(path: str | Path, text: str, force: bool = False) -> None:
+    """
+    Write the text of an export; one of the same format may be there, as when a script runs again.
+
+    Raises
+    ------
+    InputError
+        Another file is there and ``force`` is not given, or it cannot be written.
+
+    """
+    path = Path(path)
+    if path.is_file() and not force and _heading(_begin(path)) != _heading(text):
+        raise InputError(f'{path}: the file exists, and is no export of this format',
+                         'choose another name with -o, or replace it with --force')
+    files.atomic_write(path, text)
+
+
+def _begin(path: Path) -> str:
+    """Return how a file begins; nothing where it cannot be read."""
+    try:
+        with open(path, 'rb') as file:
+            return file.read(4096).decode(errors='replace')
+    except OSError:
+        return ''
+
+
+def _heading(text: str) -> str:
+    """Return the first sentence of an export: its format. Lines before are {, %YAML:1.0, <!--."""
+    line = next((s for s in text.splitlines() if len(s) > 25), '')
+    return line.partition('. ')[0]
 
 
 def module(name: str) -> Any:

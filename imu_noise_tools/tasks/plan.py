@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from .. import store
 from ..core import units
+from ..core.errors import InputError
 from ..loop.effect import Estimate, find_effect, Model
 from ..noise.plan import durations_for, precision, range_in_words
 from ..noise.problem import NoiseProblem
@@ -40,8 +41,16 @@ def plan(
     wanted : float
         Relative standard deviation that is wanted.
 
+    Raises
+    ------
+    InputError
+        There is no study of noise in the folder.
+
     """
     if folder:
+        if (domain := store.read(folder)['domain']) != 'noise':
+            raise InputError(f'{folder}: a {domain} study; only noise has records to plan',
+                             'name the study that analyse wrote')
         study = store.load(folder)
         problems = {t: cast(NoiseProblem, s.problem) for t, s in study.states.items()}
         models = {t: (s.model, problems[t].evidence.dt, s.fit.estimates)
