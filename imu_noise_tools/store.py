@@ -208,6 +208,10 @@ def _known(error: float) -> float | None:
     return None if math.isnan(error) else error
 
 
+def _error_of(known: float | None) -> float:
+    return math.nan if known is None else known
+
+
 def step_to_dict(s: Step) -> dict:
     """Return one rung of the ladder."""
     out: dict[str, Any] = {'target': s.target, 'effects': list(s.effects), 'added': s.added}
@@ -282,13 +286,11 @@ def history_of(data: Mapping, arrays: Mapping[str, np.ndarray] | None = None) ->
 
 
 def _step_of(domain: str, d: Any, contrast: Contrast | None) -> Step:
-    held_out, std = (math.nan if d[k] is None else float(d[k])
-                     for k in ('held_out', 'held_out_std'))
     return Step(
         d['target'],
         tuple(d['effects']),
-        held_out,
-        std,
+        _error_of(d['held_out']),
+        _error_of(d['held_out_std']),
         d.get('added'),
         d.get('removed'),
         d.get('fall'),
