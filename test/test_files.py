@@ -202,6 +202,7 @@ def test_a_command_that_is_ended_leaves_nothing(number, tmp_path):
         'import os, shutil, signal, sys, time\n'
         'from imu_noise_tools.cli import main, noise\n'
         'from imu_noise_tools.core import files\n'
+        'signal.signal(int(sys.argv[2]), signal.SIG_DFL)\n'     # under nohup it is ignored
         'kill = lambda: os.kill(os.getpid(), int(sys.argv[2]))\n'
         'def slow(args):\n'
         '    with files.new_folder(sys.argv[1]) as folder:\n'

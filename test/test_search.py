@@ -684,6 +684,6 @@ def test_what_is_next_to_certainly_nothing_leaves_nothing_undecided(
     monkeypatch.setattr(diagnosis, 'Search', lambda *_: SimpleNamespace(
         places=places, refuted={}, settled=lambda: [one]))
     error = SimpleNamespace(views={}, failing=())
-    problem = SimpleNamespace(advice=lambda *said: '')
+    problem = SimpleNamespace(advice=lambda *said: '', leave=lambda model: '')
     state = SimpleNamespace(model=model, error=error, problem=problem)
     assert diagnosis.diagnose(state).verdict == said
