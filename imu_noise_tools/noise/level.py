@@ -38,16 +38,21 @@ def at_one_second(evidence: Evidence, model: Model) -> tuple[int, float]:
     return i, float(np.sqrt(model_curve(evidence, model, c.m[i:i + 1])[0]))
 
 
-def level_notes(evidence: Evidence, fit: Fit) -> list[str]:
-    """Return what there is to say of the level of a fit to a whole record: mostly nothing."""
+def _notes(evidence: Evidence, fit: Fit, changes: bool,
+           band: tuple[float, float] | None) -> list[str]:
+    """
+    Return what there is to say of the level of a fit to a whole record: mostly nothing.
+
+    Whether it ``changes`` in time, and the :func:`steady_band` of what does.
+
+    """
     out = []
     if said := clipped(evidence):
         out.append(f'{said}: mean and level are wrong')
-    low, high = extremes(evidence, fit.model)
-    if high > low and (band := steady_band(evidence, fit)):
+    if band:
         out.append(f'what changes the level in time is not heard from {band[0]:.3g} to '
                    f'{band[1]:.3g} Hz: it is no change of this')
-    elif high > low:
+    elif changes:
         out.append('the mean over the whole record (rms), whose level changes in time')
     elif np.isfinite(fit.details.hint.quiet):
         out.append(f'the level from {fit.details.hint.quiet:.3g} Hz on is that of the quiet part '
@@ -144,15 +149,14 @@ def steady_band(evidence: Evidence, fit: Fit) -> tuple[float, float] | None:
 def with_level_notes(evidence: Evidence, fit: Fit) -> dict[str, dict[str, Estimate]]:
     """Return the estimates of a fit, what every sensor has with what there is to say of it."""
     out = {k: dict(v) for k, v in fit.estimates.items()}
-    said = level_notes(evidence, fit)
     low, high = extremes(evidence, fit.model)
-    if steady_band(evidence, fit):
-        low = high
+    band = steady_band(evidence, fit) if high > low else None
+    said = _notes(evidence, fit, high > low, band)
     for e in fit.model.of(Spectrum):
         for p in e.parameters if said and e.never_absent else ():
             estimate = out[e.label][p.name]
             notes = [estimate.note, *said] if estimate.note else list(said)
-            if estimate.value and high > low and _is_flat(e, evidence.dt):
+            if estimate.value and high > low and not band and _is_flat(e, evidence.dt):
                 quiet, loud = (units.shown(f * estimate.value, p.unit, evidence.sensor)
                                for f in (low, high))
                 notes.append(f'{quiet} where it is quietest, {loud} where it is loudest')
