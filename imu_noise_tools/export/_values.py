@@ -20,7 +20,7 @@ from ..core.errors import InputError, unknown, UsageError
 from ..core.units import shown
 from ..health import MOTION_KEPT
 from ..loop.effect import find_effect, unfitted
-from ..loop.prediction import State
+from ..loop.prediction import observable, State
 from ..loop.study import Study
 from ..noise.curve import model_curve
 from ..noise.level import at_one_second
@@ -114,13 +114,13 @@ def left_out(study: Study, horizon: float | None = None) -> list[str]:
     Nothing where N and K are those that cover the curve.
 
     """
-    return _others(study, horizon, lambda state, label: label if _there(state, label) else '')
+    return _others(study, horizon, lambda state, label: label if observable(state, label) else '')
 
 
 def unseen(study: Study, horizon: float | None = None) -> list[str]:
     """Return what of each axis' model the record does not show, and below what it stays then."""
     def said(state: State, label: str) -> str:
-        if _there(state, label):
+        if observable(state, label):
             return ''
         found, sensor = state.fit.estimates[label], state.problem.target.partition('_')[0]
         limits = [f'{p.name} below {shown(found[p.name].upper95, p.unit, sensor)}'
@@ -140,14 +140,6 @@ def _others(study: Study, horizon: float | None,
                     if (x := say(state, e.label))]
             out += [f'{axis}: {", ".join(more)}'] if more else []
     return out
-
-
-def _there(state: State, label: str) -> bool:
-    """Tell whether any amplitude of an effect is resolved; what has none is there."""
-    found = state.fit.estimates.get(label, {})
-    amplitudes = [found[p.name].value for p in state.model[label].parameters
-                  if p.amplitude and p.name in found]
-    return not amplitudes or any(x is not None for x in amplitudes)
 
 
 def covered(study: Study, horizon: float) -> str:

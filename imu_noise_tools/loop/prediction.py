@@ -34,6 +34,14 @@ class State:
         return self.fit.model
 
 
+def observable(state: State, label: str) -> bool:
+    """Tell whether any amplitude of an effect is resolved; of what has none it is."""
+    found = state.fit.estimates.get(label, {})
+    amplitudes = [found[p.name].value is not None for p in state.model[label].parameters
+                  if p.amplitude and p.name in found]
+    return any(amplitudes) or not amplitudes
+
+
 def deviance(score: Score, names: Collection[str] = ()) -> float:
     """Return the total deviance over views; over all of them where none is named."""
     return float(sum(v.deviance for k, v in score.views.items() if not names or k in names))

@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from ..core import units
 from ..core.allan import AllanCurve, degrees_of_freedom, interval
 from ..core.statistics import gamma_pull, means_of_blocks
-from ..loop.prediction import State
+from ..loop.prediction import observable, State
 from ..loop.verdict import CHANCE, STRIKING
 from ..noise import views
 from ..noise.classic import FLAT, READINGS
@@ -215,14 +215,6 @@ class Reading:
     sigma: float
     symbol: str
     observable: bool
-
-
-def observable(state: State, label: str) -> bool:
-    """Tell whether any amplitude of an effect is resolved."""
-    found = state.fit.estimates.get(label, {})
-    amplitudes = [found[p.name].value is not None for p in state.model[label].parameters
-                  if p.amplitude and p.name in found]
-    return any(amplitudes) or not amplitudes
 
 
 def readings(state: State, found: Curves) -> list[Reading]:
