@@ -13,6 +13,19 @@ import sys
 from typing import Any
 
 
+class Terminated(KeyboardInterrupt):
+    """A signal that asks to end: it unwinds as Ctrl-C does, so that nothing is left half."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.status = 128 + number
+
+
+def status_of(stop: KeyboardInterrupt) -> int:
+    """Return the exit status of a command that was interrupted, or ended by a signal."""
+    return stop.status if isinstance(stop, Terminated) else 130
+
+
 def names(text: str) -> list[str]:
     """Return a comma-separated list."""
     return [x.strip() for x in text.split(',') if x.strip()]

@@ -91,7 +91,7 @@ def _run(args: argparse.Namespace) -> int:
         done = sum(kept.done(b) for b in bags)
         print(f'interrupted: {done} of {len(bags)} bags are done and kept in {kept.folder}; the '
               'same command goes on from there', file=sys.stderr)
-        return getattr(stop, 'status', 130)
+        return common.status_of(stop)
     if args.json:
         common.print_json(summary)
     else:

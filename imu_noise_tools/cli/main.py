@@ -17,7 +17,7 @@ import threading
 from typing import Any
 import warnings
 
-from . import completion
+from . import common, completion
 from ..core.errors import ImuNoiseError, unknown, UsageError
 
 # The matrices here are small: threads of a linear algebra library cost more than they bring.
@@ -56,14 +56,6 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-class Terminated(KeyboardInterrupt):
-    """A signal that asks to end: it unwinds as Ctrl-C does, so that nothing is left half."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.status = 128 + number
-
-
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
     """Raise Terminated for SIGTERM (docker stop, systemd, CI) and SIGHUP (a closed terminal)."""
@@ -72,7 +64,7 @@ def _ended_by_signals() -> Iterator[None]:
     def end(number, _):
         for one in before:      # `timeout` sends it twice: the second would stop the cleaning up
             signal.signal(one, signal.SIG_IGN)
-        raise Terminated(number)
+        raise common.Terminated(number)
 
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGTERM, signal.SIGHUP):
@@ -108,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(error)
         return 1
     except KeyboardInterrupt as stop:
-        status = stop.status if isinstance(stop, Terminated) else 130
+        status = common.status_of(stop)
         try:
             print('interrupted', file=sys.stderr)
         except OSError:         # of a terminal that is closed
