@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 import math
 
+from .errors import InputError
+
 _SI = {
     'gyro': {'rate': 'rad/s', 'slope': 'rad/s^2', 'integral': 'rad'},
     'accel': {'rate': 'm/s^2', 'slope': 'm/s^3', 'integral': 'm/s'},
@@ -29,11 +31,12 @@ ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
 INPUT = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS}
 
 
-def not_si(stated: object) -> dict[str, str] | None:
-    """Return what is not SI of units by sensor that a file states; None where it is unknown."""
+def not_si(stated: object, where: str) -> dict[str, str]:
+    """Return what is not SI of units by sensor that a file states; InputError: none is known."""
     if not isinstance(stated, dict) or any(
             str(unit) not in INPUT.get(sensor, {}) for sensor, unit in stated.items()):
-        return None
+        raise InputError(f'{where}: input_unit {stated} is not known',
+                         'e.g. {accel: g, gyro: deg/s}')
     return {sensor: unit for sensor, unit in stated.items() if unit != SI[sensor]}
 
 

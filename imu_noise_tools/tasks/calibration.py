@@ -363,11 +363,7 @@ def input_units(path: str | Path) -> dict[str, str]:
     path = path / FILE if path.is_dir() else path
     data = store.load_yaml(path)
     stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
-    found = not_si(stated)
-    if found is None:
-        raise InputError(f'{path}: input_unit {stated} is not known',
-                         'e.g. {accel: g, gyro: deg/s}')
-    return found
+    return not_si(stated, str(path))
 
 
 def doubts(path: str | Path) -> list[str]:

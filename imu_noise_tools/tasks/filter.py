@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+import math
 from pathlib import Path
 from typing import Any
 
@@ -332,8 +333,7 @@ def noise_of_a_sample(model: Model, dt: float) -> float:
     what is left of them is in the variance of the filtered rate too.
 
     """
-    b = output_noise(model, dt)
-    return float(np.sqrt(b.r + b.h @ b.p0 @ b.h))
+    return math.hypot(*parts_of_a_sample(model, dt).values())
 
 
 def parts_of_a_sample(model: Model, dt: float) -> dict[str, float]:
@@ -348,10 +348,7 @@ def input_unit(folder: str | Path) -> str | None:
     stated: dict = {}
     for one in (source, *(source.get('streams') or {}).values()):
         stated |= one.get('input_unit') or {}
-    found = not_si(stated)
-    if found is None:
-        raise InputError(f'{folder}: input_unit {stated} is not known', 'e.g. {gyro: deg/s}')
-    return found.get('gyro')
+    return not_si(stated, str(folder)).get('gyro')
 
 
 def from_study(
