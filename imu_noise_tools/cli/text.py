@@ -88,17 +88,17 @@ def sketch(example: Any) -> list[str]:
 
 def changes(found: Any, first: str, second: str, si: bool = False) -> str:
     """Return what changed between two records beyond chance, and what chance does."""
-    from ..tasks.compare import LEVEL, limit
+    from ..tasks.compare import LEVEL, limit, tested
 
     rows = [(c['target'], c['what'], c['first_shown'], c['second_shown'], c['unit_shown'],
              *((c['first'], c['second'], c['unit']) if si else ()), c['sigmas'], c['verdict'])
             for c in found]
-    tested = sum(bool(c['sigmas']) for c in found)
+    tests = tested(found)
     said = table(rows, ('target', 'what', 'first', 'second', 'unit',
                         *(('first, SI', 'second, SI', 'SI') if si else ()), 'sigma', 'verdict'))
-    chance = (f'\nchanged: by more than {limit(found):.1f} sigma. By chance one of these {tested} '
+    chance = (f'\nchanged: by more than {limit(found):.1f} sigma. By chance one of these {tests} '
               f'rows is in one of {1 / LEVEL:.0f} pairs of records of one sensor.')
-    return f'first: {first}\nsecond: {second}\n{said}{chance if tested else ""}'
+    return f'first: {first}\nsecond: {second}\n{said}{chance if tests else ""}'
 
 
 def disturbed(found: Any) -> list[str]:

@@ -52,6 +52,11 @@ def compare_two(first: Study, second: Study) -> list[dict]:
     return [{**r, 'sigmas': '' if r['sigmas'] is None else f'{r["sigmas"]:+.1f}'} for r in out]
 
 
+def tested(rows: Sequence[Mapping[str, Any]]) -> int:
+    """Return how many of these rows are tests: the others are told, or cannot be."""
+    return sum(r['sigmas'] not in (None, '') for r in rows)
+
+
 def limit(rows: Sequence[Mapping[str, Any]]) -> float:
     """
     Return beyond how many sigma one of these rows is no chance.
@@ -60,8 +65,7 @@ def limit(rows: Sequence[Mapping[str, Any]]) -> float:
     all rows is beyond it with the probability LEVEL, at most.
 
     """
-    tests = sum(r['sigmas'] not in (None, '') for r in rows)
-    return -float(ndtri(LEVEL / 2 / max(tests, 1)))
+    return -float(ndtri(LEVEL / 2 / max(tested(rows), 1)))
 
 
 def _of_target(t: str, a, b) -> list[dict]:
