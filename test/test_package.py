@@ -59,6 +59,16 @@ def test_card_is_an_ament_python_package(root):
     assert marker.is_file()
 
 
+def test_results_begin_with_where_it_stands_and_name_scripts_that_are_there(root):
+    """The manual shows them as a page, so they link to nothing beside them."""
+    text = (root / 'bench' / 'RESULTS.md').read_text(encoding='utf-8')
+    assert re.search(r'^## (.+)', text, re.M).group(1) == 'Where it stands'
+    named = set(re.findall(r'(?:bench/|\| `)(\w+\.py)', text))
+    assert len(named) > 20
+    assert not sorted(n for n in named if not (root / 'bench' / n).is_file())
+    assert '](' not in text and (root / 'bench' / 'RUNS.md').is_file()
+
+
 def test_card_says_where_the_project_is_and_who_answers(root):
     """The same as setup.py; rosdoc2 is told where the manual is."""
     card = ElementTree.parse(root / 'package.xml').getroot()
