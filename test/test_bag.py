@@ -268,6 +268,32 @@ def test_written_by_rosbags(kind, tmp_path):
     assert info['/imu'].rate_hz == pytest.approx(100, rel=1e-3)
 
 
+@pytest.mark.parametrize('kind', ['mcap', 'sqlite3', 'bag', 'cut.mcap', 'cut.bag', 'cut.db3'])
+def test_a_topic_has_the_rate_of_its_own_time(kind, tmp_path):
+    """One that begins late and ends early: 10 Hz, with and without the index of the file."""
+    ros1 = kind.endswith('bag')
+    store, path = (STORE1, tmp_path / 'x.bag') if ros1 else (STORE, tmp_path / 'x')
+    writer = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=(
+        StoragePlugin.MCAP if 'mcap' in kind else StoragePlugin.SQLITE3))
+    text = store.types['std_msgs/msg/String']('x' * 300)
+    raw = (store.serialize_ros1 if ros1 else store.serialize_cdr)(text, 'std_msgs/msg/String')
+    with writer:
+        every, late = (writer.add_connection(name, 'std_msgs/msg/String', typestore=store)
+                       for name in ('/every', '/late'))
+        for k in range(30_000):
+            writer.write(every, START + k * 10 ** 7, raw)
+            if 20_000 <= k < 21_000 and k % 10 == 0:
+                writer.write(late, START + k * 10 ** 7, raw)
+    if kind.startswith('cut'):
+        whole = path if ros1 else next(f for f in path.iterdir() if f.suffix != '.yaml')
+        path = tmp_path / f'cut{whole.suffix}'
+        path.write_bytes(whole.read_bytes()[:-100_000])
+    info = {t.name: t for t in topics(path)}
+    assert info['/late'].samples == 100
+    assert info['/late'].rate_hz == pytest.approx(10, rel=1e-6)
+    assert info['/every'].rate_hz == pytest.approx(100, rel=1e-3)      # a row or two is lost
+
+
 @pytest.mark.parametrize('chunked', [True, False])
 def test_mcap_without_summary_or_index(tmp_path, chunked):
     """An MCAP of bare records is read as one with an index is."""

@@ -18,7 +18,7 @@ from imu_noise_tools.bag import open_record, write_bag
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.clock import fit_clock
 from imu_noise_tools.core.errors import InputError, UsageError
-from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.record import ImuRecord, Memory
 from imu_noise_tools.core.statistics import grid_step
 from imu_noise_tools.health import (
     examine, motion_doubts, prepare, resolution, Selection, still_stretches)
@@ -247,6 +247,16 @@ def test_the_table_of_topics_has_the_rate_of_the_stamps(tmp_path, capsys):
     assert main(['inspect', str(tmp_path / 'a.npz'), '--json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['topics'][0]['rate_hz'] == pytest.approx(47, rel=1e-6)
+
+
+def test_lost_samples_lower_no_rate_of_a_topic(tmp_path, capsys):
+    """A bag that lost a third of its messages is listed at the rate of those that are left."""
+    r = quiet(np.random.default_rng(0), 90, 50)
+    write_bag(tmp_path / 'a.mcap', r.taken((r.t < 30) | (r.t > 60), Memory()))
+    assert main(['inspect', str(tmp_path / 'a.mcap'), '--json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['health']['gaps'] == 1
+    assert found['topics'][0]['rate_hz'] == pytest.approx(50, rel=1e-6)
 
 
 def test_two_clocks_are_told_by_name():

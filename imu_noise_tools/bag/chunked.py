@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .container import Batch, Connection, Counts, Progress, size_of
+from .container import Batch, Connection, Counts, Progress, Seen, size_of
 
 
 class Group(NamedTuple):
@@ -40,6 +40,9 @@ class ChunkedFile:
         self.known: dict[int, Connection] = {}
         self.messages: dict[int, int] = {}
         self.span = (0, 0)
+        # (time, place) of the chunks with the first and the last message of each topic
+        self.outer: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {}
+        self.ends: dict[int, tuple[int, int]] = {}      # times of those messages, once looked up
         self.indexed = self.read_summary()
         if not self.indexed:
             self._scan()
@@ -70,14 +73,28 @@ class ChunkedFile:
         """What went wrong so far."""
         return self.problems.sentences(self.path.name)
 
-    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """
-        Return the number of messages by topic, and the first and last time (ns).
+    def times_at(self, place: int, id: int) -> np.ndarray:
+        """Return the times (ns) of a topic that the index of the chunk at a place holds, (n,)."""
+        raise NotImplementedError
 
-        Without messages the times are 0.
+    def learn_chunk(self, id: int, place: int, first: int, last: int) -> None:
+        """Remember that messages of a topic are in the chunk at a place, from when to when."""
+        begin, end = self.outer.get(id, ((first, place), (last, place)))
+        self.outer[id] = min(begin, (first, place)), max(end, (last, place))
 
-        """
-        return self.messages, self.span
+    def counts(self) -> dict[int, Seen]:
+        """Return by topic how many messages there are, and from when to when."""
+        return {id: Seen(n, *self._when(id)) for id, n in self.messages.items()}
+
+    def _when(self, id: int) -> tuple[int, int]:
+        """Return the first and last time of a topic, as far as the index tells; else of all."""
+        if id not in self.ends and id in self.outer:
+            (first, begin), (last, end) = self.outer[id]
+            begins, ends = (self.times_at(place, id) if place < self.size else np.zeros(0)
+                            for place in (begin, end))
+            self.ends[id] = (int(begins.min()) if len(begins) else first,
+                             int(ends.max()) if len(ends) else last)
+        return self.ends.get(id, self.span)
 
     def expected(self, id: int) -> int:
         """Return how many messages of a topic the file says that it has."""
@@ -90,13 +107,12 @@ class ChunkedFile:
     def _scan(self) -> None:
         """Find and count the topics by reading the whole file."""
         self.messages = {}
-        first, last = [], []
         for part in self.chunks(None):
             for group in self.groups(part, None):
                 self.messages[group.id] = self.messages.get(group.id, 0) + len(group.receive)
-                first.append(int(group.receive.min()))
-                last.append(int(group.receive.max()))
-        self.span = (min(first), max(last)) if first else (0, 0)
+                low, high = int(group.receive.min()), int(group.receive.max())
+                begin, end = self.ends.get(group.id, (low, high))
+                self.ends[group.id] = min(begin, low), max(end, high)
         self.problems.bad_chunks = 0            # they are counted again when they are read
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:

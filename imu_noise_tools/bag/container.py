@@ -15,7 +15,7 @@ nothing of Imu messages.
 from __future__ import annotations
 
 import bz2
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 import os
 from typing import Any, NamedTuple, Protocol
@@ -82,6 +82,27 @@ class Batch(NamedTuple):
         )
 
 
+class Seen(NamedTuple):
+    """How many messages of a topic there are, and when the first and the last were received."""
+
+    samples: int
+    first: int      # ns
+    last: int       # ns
+
+    @classmethod
+    def over(cls, parts: Iterable[Seen]) -> Seen:
+        """Return what several parts of a bag hold; without messages the times are 0."""
+        held = [p for p in parts if p.samples > 0]
+        return cls(sum(p.samples for p in held), min((p.first for p in held), default=0),
+                   max((p.last for p in held), default=0))
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Messages in a second from the first to the last; None where that is no time."""
+        span = (self.last - self.first) * 1e-9
+        return (self.samples - 1) / span if self.samples > 1 and span > 0 else None
+
+
 class BagFile(Protocol):
     """One file of a bag, open for reading."""
 
@@ -95,13 +116,8 @@ class BagFile(Protocol):
     def warnings(self) -> list[str]:
         """What went wrong so far, for people."""
 
-    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """
-        Return the number of messages by topic, and the first and last time (ns).
-
-        Without messages the times are 0.
-
-        """
+    def counts(self) -> dict[int, Seen]:
+        """Return by topic how many messages there are, and from when to when."""
 
     def expected(self, id: int) -> int:
         """Return about how many messages of a topic there are, at no cost; 0: not known."""

@@ -24,8 +24,8 @@ import numpy as np
 from .chunked import ChunkedFile, Group
 from .container import AT_LEAST, Connection, Damaged, decompress, normal_type, partly, Progress
 from .mcap_records import (
-    ATTACHMENT, CHANNEL, CHUNK, DATA_END, FOOTER, group_of, HEAD, HEADER, INDEX, indexed,
-    MAGIC, MESSAGE, MESSAGE_HEAD, METADATA, records, SCHEMA, STATISTICS, string_at, walk,
+    ATTACHMENT, CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, group_of, HEAD, HEADER, INDEX,
+    indexed, MAGIC, MESSAGE, MESSAGE_HEAD, METADATA, records, SCHEMA, STATISTICS, string_at, walk,
 )
 
 WINDOW = 1 << 22        # how much of a file without chunks is looked at together
@@ -77,6 +77,8 @@ class McapFile(ChunkedFile):
         found = None
         for op, body in records(summary):
             self._learn(op, body)
+            if op == CHUNK_INDEX:
+                self._learn_index(body)
             if op == STATISTICS and len(body) >= 46:
                 found = body
         if not self.known or found is None:
@@ -109,6 +111,20 @@ class McapFile(ChunkedFile):
                 self.raw_channels.setdefault(id, body)
         except (struct.error, UnicodeDecodeError, Damaged):
             self.problems.bad_chunks += 1
+
+    def _learn_index(self, body: bytes) -> None:
+        """Remember which channels a chunk holds, from when to when."""
+        if len(body) < 36:
+            return
+        first, last, start, length, size = struct.unpack_from('<QQQQI', body)
+        pairs = body[36:36 + size]
+        for id, _ in struct.iter_unpack('<HQ', pairs[:len(pairs) // 10 * 10]):
+            self.learn_chunk(id, start + length, first, last)
+
+    def times_at(self, place: int, id: int) -> np.ndarray:
+        """Return the times (ns) of a channel that the index behind a chunk holds, (n,)."""
+        index, _ = self._read_index(place, {id})
+        return (index or {}).get(id, np.empty((0, 2), '<u8'))[:, 0].astype(np.int64)
 
     def parts(self, progress: Progress = None) -> Iterator[Chunk | bytes | Other]:
         """

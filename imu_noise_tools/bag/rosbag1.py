@@ -83,7 +83,6 @@ class Rosbag1File(ChunkedFile):
         at = _number(bag.fields, b'index_pos')
         if not len(MAGIC) < at < self.size:
             return False
-        first, last = [], []
         while at < self.size:
             record = self._record(at)
             if record is None or record.end > self.size:
@@ -93,14 +92,20 @@ class Rosbag1File(ChunkedFile):
             if record.op == CONNECTION:
                 self._learn(record.fields, body)
             elif record.op == CHUNK_INFO:
+                place, begin, end = (_number(record.fields, b'chunk_pos'), *(
+                    _time(record.fields.get(k, b'')) for k in (b'start_time', b'end_time')))
                 for id, count in struct.iter_unpack('<II', body[:len(body) // 8 * 8]):
                     self.messages[id] = self.messages.get(id, 0) + count
-                if body:
-                    first.append(_time(record.fields.get(b'start_time', b'')))
-                    last.append(_time(record.fields.get(b'end_time', b'')))
+                    self.learn_chunk(id, place, begin, end)
             at = record.end
-        self.span = (min(first), max(last)) if first else (0, 0)
         return bool(self.known)
+
+    def times_at(self, place: int, id: int) -> np.ndarray:
+        """Return the times (ns) of a connection that the index behind a chunk holds, (n,)."""
+        chunk = self._record(place)
+        index = self._read_index(chunk.end)[0] if chunk and chunk.op == CHUNK else None
+        when = (index or {}).get(id, np.empty((0, 3), '<u4')).astype(np.int64)
+        return when[:, 0] * 10 ** 9 + when[:, 1]
 
     def _learn(self, fields: dict[bytes, bytes], body: bytes) -> None:
         more = fields_of(body)

@@ -25,6 +25,7 @@ from .container import (
     Damaged,
     EXPANSION,
     Progress,
+    Seen,
     size_of,
 )
 from .fields import Fields, known_shape, Shape
@@ -243,18 +244,14 @@ class Bag:
         """What went wrong so far."""
         return tuple(dict.fromkeys((*self._said, *(w for f in self.files for w in f.warnings))))
 
-    def counts(self) -> tuple[dict[tuple[str, str], int], float]:
-        """Return the messages by topic and type, and the span of the receive times, s."""
-        total = {(c.topic, c.type): 0 for c in self.connections}
-        spans = []
+    def counts(self) -> dict[tuple[str, str], Seen]:
+        """Return by topic and type how many messages there are, and from when to when."""
+        parts: dict[tuple[str, str], list[Seen]] = {}
         for file in self.files:
-            count, span = file.counts()
-            spans += [span] if span[1] else []
+            count = file.counts()
             for c in file.connections:
-                total[c.topic, c.type] += count.get(c.id, 0)
-        return total, (
-            (max(b for _, b in spans) - min(a for a, _ in spans)) * 1e-9 if spans else 0.0
-        )
+                parts.setdefault((c.topic, c.type), []).append(count.get(c.id, Seen(0, 0, 0)))
+        return {of: Seen.over(some) for of, some in parts.items()}
 
     def expected(self, topic: str) -> int:
         """

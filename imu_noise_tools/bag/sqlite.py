@@ -21,7 +21,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from .container import Batch, Connection, Counts, Damaged, normal_type, Progress, size_of
+from .container import Batch, Connection, Counts, Damaged, normal_type, Progress, Seen, size_of
 
 MAGIC = b'SQLite format 3\0'
 BLOCK = 4096
@@ -127,31 +127,25 @@ class SqliteFile:
         except (sqlite3.DatabaseError, ValueError, TypeError):
             return 0
 
-    def counts(self) -> tuple[dict[int, int], tuple[int, int]]:
-        """
-        Return the number of messages by topic, and the first and last time (ns).
-
-        Without messages the times are 0.
-
-        """
-        ask = self.database.execute
+    def counts(self) -> dict[int, Seen]:
+        """Return by topic how many messages there are, and from when to when."""
         if not self.problems.cut:
+            what = 'count(*), min(timestamp), max(timestamp) FROM messages'
+            by_topic = f'SELECT topic_id, {what} GROUP BY topic_id'
+            if len(self.connections) == 1:      # then an index is all that has to be read
+                by_topic = f'SELECT {self.connections[0].id}, {what}'
             try:
-                low, high = ask('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
-                by_topic = 'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'
-                if len(self.connections) == 1:      # then an index is all that has to be read
-                    by_topic = f'SELECT {self.connections[0].id}, count(*) FROM messages'
-                return dict(ask(by_topic)), (int(low or 0), int(high or 0))
+                return {id: Seen(n, int(low or 0), int(high or 0))
+                        for id, n, low, high in self.database.execute(by_topic)}
             # a number may have become a text
             except (sqlite3.DatabaseError, ValueError, TypeError):
                 self.problems.cut = True
-        count: dict[int, int] = {}
-        ends = []
+        found: dict[int, Seen] = {}
         for batch in self.batches([c.id for c in self.connections]):
-            id = batch.connection.id
-            count[id] = count.get(id, 0) + len(batch.receive)
-            ends += [int(batch.receive.min()), int(batch.receive.max())]
-        return count, (min(ends), max(ends)) if ends else (0, 0)
+            id, when = batch.connection.id, batch.receive
+            more = Seen(len(when), int(when.min()), int(when.max()))
+            found[id] = Seen.over([more, *([found[id]] if id in found else [])])
+        return found
 
     def batches(self, wanted: Collection[int], progress: Progress = None) -> Iterator[Batch]:
         """Yield the messages of these topics in the order of their rows."""

@@ -52,7 +52,7 @@ class TopicInfo:
     samples : int
         Number of messages.
     rate_hz : float or None
-        Messages per second over the length of the bag.
+        Messages per second from the first to the last of the topic, by their receive times.
     role : str
         ``imu``, ``covariate`` or empty: what it is used for.
 
@@ -91,10 +91,9 @@ class Choice:
 
 def list_topics(bag: Bag) -> list[TopicInfo]:
     """Return the topics of a bag by name, counted over all of its files."""
-    count, span = bag.counts()
     role = {(t.name, t.type): t.role for t in _names(bag)}
-    return [TopicInfo(*of, n, (n - 1) / span if n > 1 and span > 0 else None, role[of])
-            for of, n in sorted(count.items())]
+    return [TopicInfo(*of, seen.samples, seen.rate_hz, role[of])
+            for of, seen in sorted(bag.counts().items())]
 
 
 def _names(bag: Bag) -> list[TopicInfo]:

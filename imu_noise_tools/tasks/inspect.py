@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ class Inspection:
     """
     Topics of a bag, the record's topic, its health, and warnings of reading.
 
+    A topic whose samples were read has the rate of its stamps, others that of their messages.
     ``analysed`` is a line on what of it can be analysed; ``disturbances`` lists what disturbs that
     part, ``left_out`` what of it is set aside. Times are those of the record, its start being 0.
     ``looked`` tells whether there is such a part at all.
@@ -52,7 +54,8 @@ def inspect(
                          fields=fields)
     known = tuple(topics(bag, fields))
     first, *others = (_one(r, known, selection, memory) for r in record.streams)
-    return replace(first, beside=tuple(others))
+    whole = replace(first, beside=tuple(others))
+    return replace(whole, topics=_rated(known, [whole]))
 
 
 def inspect_every(
@@ -76,7 +79,8 @@ def inspect_every(
             refused[topic] = error
     if not found:
         raise next(iter(refused.values()))
-    return found, refused
+    known = _rated(next(iter(found.values())).topics, found.values())
+    return {topic: replace(one, topics=known) for topic, one in found.items()}, refused
 
 
 def inspect_what_is_there(
@@ -89,6 +93,13 @@ def inspect_what_is_there(
         if len(imus(bag, options.get('fields'))) < 2:
             raise
     return inspect_every(bag, **options)
+
+
+def _rated(known: Iterable[TopicInfo], found: Iterable[Inspection]) -> tuple[TopicInfo, ...]:
+    """Return topics with the rate of their stamps where samples of theirs were looked at."""
+    rates = {topic: one.health.rate_hz for whole in found for one in (whole, *whole.beside)
+             for topic in one.topic.split(',')}
+    return tuple(replace(t, rate_hz=rates.get(t.name) or t.rate_hz) for t in known)
 
 
 def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Inspection:
