@@ -294,6 +294,45 @@ def test_a_topic_has_the_rate_of_its_own_time(kind, tmp_path):
     assert info['/every'].rate_hz == pytest.approx(100, rel=1e-3)      # a row or two is lost
 
 
+def parts_of(folder, ending, begins):
+    """Write recordings of 60 s that begin at these times, s, into a folder; return the record."""
+    folder.mkdir()
+    record = bad_input.still(60)
+    for k, begin in enumerate(begins):
+        write_bag(folder / f'run_{9 + k}{ending}', replace(record, start=record.start + begin))
+    return record
+
+
+@pytest.mark.parametrize('ending', ['.bag', '.mcap', '.db3'])
+def test_a_folder_of_parts_is_one_recording(ending, tmp_path):
+    """In the order of their times, with a word; a copy of it is such a folder, too."""
+    one = parts_of(tmp_path / 'x', ending, [0, 60])
+    record = open_record(tmp_path / 'x')
+    np.testing.assert_array_equal(record.gyro, np.concatenate([one.gyro, one.gyro]))
+    assert [w for w in record.warnings if '2 files of the folder' in w and 'name one' in w]
+    if ending == '.bag':
+        assert 'metadata' not in record.warnings[0]
+    copy_bag(tmp_path / 'x', tmp_path / 'y', lambda r: Changed(2 * r.gyro, None))
+    again = open_record(tmp_path / 'y', '/imu/data_filtered')
+    np.testing.assert_array_equal(again.gyro, 2 * record.gyro)
+
+
+@pytest.mark.parametrize('ending', ['.bag', '.mcap', '.db3'])
+def test_a_folder_of_recordings_is_no_bag(ending, tmp_path):
+    """Where they are of the same time; nor is a folder of bags, of tables, or a study."""
+    parts_of(tmp_path / 'x', ending, [0, 5])
+    with pytest.raises(InputError, match=rf'same time, run_9\{ending}, run_10\{ending}.*name one'):
+        open_record(tmp_path / 'x')
+    with pytest.raises(InputError, match='a folder with x: name one'):
+        open_record(tmp_path)
+    (tmp_path / 'x.csv').touch()
+    with pytest.raises(InputError, match='a folder with x, x.csv: name one'):
+        open_record(tmp_path)
+    (tmp_path / 'study.yaml').touch()
+    with pytest.raises(InputError, match='a study, not a bag'):
+        open_record(tmp_path)
+
+
 @pytest.mark.parametrize('chunked', [True, False])
 def test_mcap_without_summary_or_index(tmp_path, chunked):
     """An MCAP of bare records is read as one with an index is."""

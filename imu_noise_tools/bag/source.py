@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 import os
@@ -42,7 +42,11 @@ METADATA = {
     'topics_with_message_count': list,
 }
 MOST_ALIASES = 1000  # of a metadata.yaml: some writers give times of files so
+# s that parts of one recording may have in common: messages are written a little out of order
+OVERLAP_S = 1.0
+LISTED = 8          # names that a message lists
 LEAST_BYTES = 8     # a message takes no less, however well it is compressed
+NS = 1e-9
 NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
 
 
@@ -91,7 +95,8 @@ class Bag:
             except Damaged as error:
                 raise _nothing(self.path, str(error)) from error
             return
-        for part in self._folder():
+        parts, listed = self._folder()
+        for part in parts:
             try:
                 _refuse_what_cannot_be_read(part)
                 self._add(part)
@@ -99,6 +104,36 @@ class Bag:
                 self._said.append(f'{part.name}: left out ({str(error).partition(": give")[0]})')
         if not self.files:
             raise _nothing(self.path, '; '.join(self._said))
+        if not listed:
+            self._join()
+
+    def _join(self) -> None:
+        """
+        Put files that no metadata.yaml lists in the order of their times.
+
+        Raise InputError where they overlap: they are no parts of one recording then.
+
+        """
+        rosbag2 = not all(isinstance(f, rosbag1.Rosbag1File) for f in self.files)
+        missing = 'metadata.yaml is missing or cannot be used; ' if rosbag2 else ''
+        if len(self.files) == 1:
+            self._said += [f'{missing}the one file of the folder was read'] * rosbag2
+            return
+        whole = {k: Seen.over(f.counts().values()) for k, f in enumerate(self.files)}
+        order = sorted(whole, key=lambda k: whole[k].first)
+        held = [k for k in order if whole[k].samples]
+        for a, b in zip(held, held[1:]):
+            if (whole[a].last - whole[b].first) * NS > OVERLAP_S:
+                names = _names(self.origins[k] for k in order)
+                raise InputError(
+                    f'{self.path}: holds recordings of the same time, {names}, and no '
+                    'metadata.yaml that says what belongs together',
+                    'name one of them; fleet takes all of a folder, each as a bag')
+        self.files = [self.files[k] for k in order]
+        self.origins = [self.origins[k] for k in order]
+        self._said.append(
+            f'{missing}the {len(order)} files of the folder were read as one recording in parts; '
+            'where each is one of its own, name one (fleet takes all)')
 
     def _add(self, path: Path) -> None:
         self.files.append(self._file(path))
@@ -107,10 +142,10 @@ class Bag:
                 self.files[-1].know(replace(connection, shape=shape))
         self.origins.append(path)
 
-    def _folder(self) -> list[Path]:
-        """Return the files of a rosbag2 folder in order."""
+    def _folder(self) -> tuple[list[Path], bool]:
+        """Return the files of a folder, and whether its metadata.yaml lists them, in order."""
         try:
-            held = sorted(p for p in self.path.iterdir() if _kind_of_name(p))
+            there = sorted(self.path.iterdir())
         except OSError as error:
             raise InputError(
                 f'{self.path}: cannot be read ({(error.strerror or "").lower()})'
@@ -126,17 +161,26 @@ class Bag:
         missing = [p.name for p in listed if not p.exists()]
         if missing:
             self._said.append(f'{", ".join(missing)}: missing from the bag; the rest was read')
+        if parts:
+            return parts, True
+        parts = [p for p in there if _kind_of_name(p)]
+        parts = parts or [p for p in there if p.name.endswith('.bag')]
         if not parts:
-            parts = held
-            if parts and not listed:
-                self._said.append(
-                    'metadata.yaml is missing or cannot be used; all files of the folder were read'
-                )
-        if not parts:
-            raise InputError(
-                f'{self.path}: not a bag: the folder has no .mcap or .db3 file', NO_BAG
-            )
-        return parts
+            raise self._no_bag(there)
+        return parts, bool(listed)
+
+    def _no_bag(self, there: list[Path]) -> InputError:
+        """Return what to say of a folder that holds these, and no file of a bag."""
+        if (self.path / 'study.yaml').is_file() or (self.path / 'studies.yaml').is_file():
+            return InputError(f'{self.path}: a study, not a bag', 'name the bag it is made of')
+        ends = ('.mcap', '.db3', '.bag', '.zstd', '.zst')
+        inside = [p for p in there if p.suffix in ('.csv', '.npz')
+                  or any(f for end in ends for f in p.glob(f'*{end}'))]
+        if inside:
+            return InputError(f'{self.path}: not a bag, but a folder with {_names(inside)}',
+                              'name one of them')
+        return InputError(f'{self.path}: not a bag: the folder has no .mcap, .db3 or .bag file',
+                          NO_BAG)
 
     def metadata(self) -> dict:
         """Return what the folder's metadata.yaml says, or nothing where it cannot be used."""
@@ -324,6 +368,13 @@ def _kind_of_name(path: Path) -> bool:
     return path.name.endswith(
         ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.mcap.zst', '.db3.zst')
     )
+
+
+def _names(paths: Iterable[Path]) -> str:
+    """Return the names of files, not more than a line of them."""
+    names = [p.name for p in paths]
+    more = f' and {len(names) - LISTED} more' if len(names) > LISTED else ''
+    return ', '.join(names[:LISTED]) + more
 
 
 def _nothing(path: Path, why: str) -> InputError:
