@@ -12,7 +12,9 @@ Nothing in a study names code to run: YAML is loaded safely, arrays without pick
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from difflib import get_close_matches
 import hashlib
 import io
 import math
@@ -33,6 +35,7 @@ from .loop.study import assess, Contrast, Step, Study
 
 FORMAT = 'imu_noise_study/1'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
+ALIKE = 0.75        # of two names, from which one is meant by the other
 _LADDER = 'ladder.'       # what the rungs' pictures show, among the arrays of evidence.npz
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
@@ -106,29 +109,25 @@ def dump_yaml(data: Any, one_line: bool = False) -> str:
     return text.strip() if one_line else text
 
 
-def load_yaml(path: str | Path) -> Any:
+def load_yaml(path: str | Path, remedy: str = 'analyse the bag again with --force') -> Any:
     """
     Return the plain data of a YAML file.
 
-    Raise InputError where it is not there, not YAML, or holds objects.
+    Raise InputError with this remedy where it is not there, not YAML, or holds objects.
 
     """
     path = Path(path)
     try:
         if path.stat().st_size > 64 << 20:
-            raise InputError(f'{path}: larger than 64 MB', 'not a study')
+            raise InputError(f'{path}: larger than 64 MB', remedy)
         text = path.read_text(encoding='utf-8')
         return plain_yaml(text)
     except OSError as error:
-        raise InputError(
-            f'{path}: {error.strerror or error}', 'name a folder that analyse wrote'
-        ) from None
+        raise InputError(f'{path}: {(error.strerror or str(error)).lower()}', remedy) from None
     except UnicodeDecodeError:
-        raise InputError(
-            f'{path}: not readable as YAML (not text)', 'analyse the bag again with --force'
-        ) from None
+        raise InputError(f'{path}: not readable as YAML (not text)', remedy) from None
     except ValueError as error:
-        raise InputError(f'{path}: {error}', 'analyse the bag again with --force') from None
+        raise InputError(f'{path}: {error}', remedy) from None
 
 
 def study_to_dict(study: Study) -> dict:
@@ -389,10 +388,7 @@ def read(folder: str | Path) -> dict:
     """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
-        raise InputError(
-            f'{folder}: no study.yaml in it',
-            'name a folder that analyse, calibrate or filter wrote',
-        )
+        raise not_in(folder, 'study.yaml', 'name a folder that analyse, calibrate or filter wrote')
     data = load_yaml(path)
     if (
         not isinstance(data, dict)
@@ -408,6 +404,36 @@ def read(folder: str | Path) -> dict:
             f'{path}: the study is damaged at {wrong}', 'analyse the bag again with --force'
         )
     return data
+
+
+def not_in(folder: str | Path, name: str, remedy: str) -> InputError:
+    """Return the error of a folder without such a file; its remedy names what was meant."""
+    folder = Path(folder)
+    what = (f'no {name} in it' if folder.is_dir() else 'a file, and no folder of a study'
+            if folder.is_file() else 'no such folder')
+    meant = _meant(folder, name)
+    if len(meant) == 1:
+        remedy = f'did you mean {meant[0]}?'
+    elif meant:
+        remedy = f'name one of those that have one: {", ".join(meant)}'
+    return InputError(f'{folder}: {what}', remedy)
+
+
+def _meant(folder: Path, name: str) -> list[str]:
+    """Return paths with such a file: of a study of this bag, in this folder, or named alike."""
+    def having(paths: Iterable[Path]) -> list[str]:
+        return [str(p) for p in sorted(paths) if (p / name).is_file()]
+
+    with suppress(OSError, ValueError):
+        if found := having([Path(f'{folder}.study')]):
+            return found
+        if folder.name == name and having([folder.parent]):
+            return [str(folder.parent)]
+        if found := having(folder.iterdir() if folder.is_dir() else []):
+            return found
+        beside = {Path(p).name: p for p in having(folder.parent.iterdir())}
+        return [beside[n] for n in get_close_matches(folder.name, beside, 1, ALIKE)]
+    return []
 
 
 def _misshapen(data: Any, shape: Any, where: str = '') -> str:

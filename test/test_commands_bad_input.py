@@ -235,6 +235,40 @@ def test_no_study_at_all(where, command, run, tmp_path):
     assert_one_line(*run(command, 'bad'))
 
 
+@pytest.mark.parametrize('there, named, said', [
+    ([], 'x', r'^imu_noise: x: no such folder: name a folder that '),
+    (['x.study/'], 'x', r'x: no such folder: did you mean x\.study\?'),
+    (['x/', 'x.study/'], 'x', r'x: no @ in it: did you mean x\.study\?'),
+    (['robot.study/', 'x.study/'], 'robto.study', r'no such folder: did you mean robot\.study\?'),
+    (['x.study/a/', 'x.study/b/'], 'x.study', r'no @ in it: name one of.*: x.study/a, x.study/b'),
+])
+@pytest.mark.parametrize('command, file', [
+    (('diagnose', 'NAME'), 'study.yaml'),
+    (('filter', '{good}/x.mcap', '-o', 'out.mcap', '--model', 'NAME'), 'study.yaml'),
+    (('apply', '{good}/x.mcap', '-o', 'out.mcap', '--calibration', 'NAME'), 'calibration.yaml')])
+def test_a_study_beside_the_name_is_told(there, named, said, command, file, good, run):
+    """The path once, and what was meant by it."""
+    for folder in there:
+        Path(folder).mkdir(parents=True)
+        if folder != 'x/':
+            (Path(folder) / file).write_text('a: [')
+    status, line = run(*(c.format(good=good).replace('NAME', named) for c in command))
+    assert_one_line(status, line, said.replace('@', file))
+    assert line[0].count(f'{named}: ') == 1
+
+
+def test_what_a_file_is_read_for_is_the_remedy(good, run):
+    """A specification or a calibration that cannot be read is none of a study."""
+    Path('bad.yaml').write_text('a: [')
+    _, said = run('simulate', 'nowhere', '-o', 'x')
+    assert said == ['imu_noise: nowhere: no such file or directory: imu_noise simulate --help '
+                    'shows one']
+    _, said = run('apply', good / 'x.mcap', '-o', 'out.mcap', '--calibration', 'bad.yaml')
+    assert said[0].count('bad.yaml') == 1 and said[0].endswith(': calibrate again')
+    _, said = run('history', 'bad.yaml')
+    assert 'a file, and no folder of a study' in said[0]
+
+
 @pytest.mark.parametrize('name', list(bad_studies.SPECS))
 def test_specifications(name, run, tmp_path):
     """A specification that makes no sense makes no bag."""

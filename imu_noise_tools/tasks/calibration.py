@@ -25,6 +25,7 @@ from ..health import in_motion, Selection, unit_doubts
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'
+WROTE = 'name a folder that calibrate wrote'
 CALIBRATED = 'imu/data_calibrated'
 Progress = Callable[[float | None, str], None]
 # A face in the name of a bag that holds one face: left_-z.mcap, x_up, minus_y, zn
@@ -318,11 +319,20 @@ def calibrate(
     return replace(done, folder=folder)
 
 
-def sensors_of(path: Path) -> list[Any]:
-    """Return what a calibration.yaml holds of each sensor, the accelerometer first."""
+def _load(path: Path) -> Any:
+    """Return the plain data of a calibration.yaml, given as such or by its folder."""
+    if path.is_dir() or not path.exists():
+        if not (path / FILE).is_file():
+            raise store.not_in(path, FILE, WROTE)
+        path = path / FILE
     if not path.is_file():
-        raise InputError(f'{path}: no such file', 'name a folder that calibrate wrote')
-    data = store.load_yaml(path)
+        raise InputError(f'{path}: not a file', WROTE)
+    return store.load_yaml(path, 'calibrate again')
+
+
+def sensors_of(path: Path) -> list[Any]:
+    """Return what a calibration.yaml, or a folder's, holds of each sensor, accelerometer first."""
+    data = _load(path)
     data = data if isinstance(data, dict) else {}
     return [data[s] for s in ('accel', 'gyro') if s in data] or [data]
 
@@ -340,9 +350,9 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
 
     """
     path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    parts = sensors_of(path)
     try:
-        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in sensors_of(path))
+        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in parts)
     except InputError as error:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
@@ -360,17 +370,14 @@ def input_units(path: str | Path) -> dict[str, str]:
 
     """
     path = Path(path)
-    path = path / FILE if path.is_dir() else path
-    data = store.load_yaml(path)
+    data = _load(path)
     stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
     return not_si(stated, str(path))
 
 
 def doubts(path: str | Path) -> list[str]:
     """Return what the diagnosis in a calibration.yaml, or in a folder's, says is missing."""
-    path = Path(path)
-    parts = [(p.get('sensor'), p.get('diagnosis') or {})
-             for p in sensors_of(path / FILE if path.is_dir() else path)]
+    parts = [(p.get('sensor'), p.get('diagnosis') or {}) for p in sensors_of(Path(path))]
     return [f'{sensor}: this calibration is not complete ({found["verdict"]}): '
             f'{found.get("advice", "")}' for sensor, found in parts
             if found.get('verdict', 'complete') != 'complete']

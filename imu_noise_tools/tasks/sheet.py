@@ -47,7 +47,7 @@ def load(path: str | Path) -> Sheet:
             error = unknown('sheet', str(path), sheets)
             raise InputError(f'{path}: no such file', error.remedy)
         path = sheets[str(path)]
-    return read(store.load_yaml(path), str(path))
+    return read(store.load_yaml(path, 'imu_noise sheet --help shows one'), str(path))
 
 
 def sheet(path: str | Path, out: str | Path, force: bool = False) -> tuple[Study, Path]:

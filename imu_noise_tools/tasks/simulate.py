@@ -28,7 +28,7 @@ def simulate(spec: Any, out: str | Path, force: bool = False,
 
     """
     if not isinstance(spec, dict):
-        spec = store.load_yaml(spec)
+        spec = store.load_yaml(spec, 'imu_noise simulate --help shows one')
     drawing = (lambda p, what: progress(0.5 * p, what)) if progress else None
     writing = (lambda p: progress(0.5 + 0.5 * p, 'writing')) if progress else None
     record, truth = simulate_record(spec, drawing)
