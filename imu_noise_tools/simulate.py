@@ -18,7 +18,7 @@ import zlib
 
 import numpy as np
 
-from .core.errors import InputError, UsageError
+from .core.errors import InputError, unknown, UsageError
 from .core.record import AXES, ImuRecord, sensor_of
 from .core.units import DEG, G0
 from .loop.effect import find_effect, Model
@@ -27,7 +27,10 @@ from .noise.kinds import Coupling, Defect, Inputs, Modulation, NoiseEffect, Resp
 Progress = Callable[[float, str], None]
 
 MOST_SAMPLES = 100_000_000
-MOTIONS = ('rocking', 'constant_rate', 'vibration')
+MOTIONS = {'rocking': ('axis', 'amplitude_deg', 'period_s'), 'constant_rate': ('axis', 'deg_s'),
+           'vibration': ('axis', 'amplitude', 'frequency')}
+KEYS = ('rate_hz', 'duration_s', 'seed', 'targets', 'covariates', 'motion',
+        'bag')      # which a truth.yaml says of the record that it is of
 
 
 def stage(effect: NoiseEffect, model: Model) -> int:
@@ -126,6 +129,7 @@ def _size(spec):
         raise InputError(
             'the specification is not a mapping', 'see imu_noise simulate --help for an example'
         )
+    _known(spec, 'specification', 'entry', KEYS)
     try:
         rate, duration, seed = (
             float(spec['rate_hz']),
@@ -158,6 +162,14 @@ def _size(spec):
     return int(round(rate * duration)), 1 / rate, seed
 
 
+def _known(given, where, what, known):
+    """Raise InputError for the first name that is not known, with the nearest."""
+    for name in given:
+        if name not in known:
+            error = unknown(what, name, known)
+            raise InputError(f'{where}: {error.message}', error.remedy)
+
+
 def _mapping(spec, name):
     found = spec.get(name) or {}
     if not isinstance(found, Mapping):
@@ -177,9 +189,8 @@ def _numbers(values, where):
 
 
 def _axes(targets):
+    _known(targets, 'targets', 'axis', AXES)
     for a in targets:
-        if a not in AXES:
-            raise InputError(f'targets.{a}: unknown axis', f'choose from {", ".join(AXES)}')
         _mapping(targets, a)
     sensors = {sensor_of(a) for a in targets}
     return [a for a in AXES if sensor_of(a) in sensors]
@@ -226,9 +237,8 @@ def _model(axis, entries):
 
 def _covariates(spec, t, seed):
     out = {}
+    _known(spec, 'covariates', 'covariate', ('temperature',))
     for name, values in spec.items():
-        if name != 'temperature':
-            raise InputError(f'covariates.{name}: unknown covariate', 'choose from temperature')
         v = {
             'base': 25.0,
             'swing': 0.0,
@@ -238,12 +248,7 @@ def _covariates(spec, t, seed):
             'noise': 0.01,
         }
         values = _numbers(values, 'covariates.temperature')
-        unknown = set(values) - set(v)
-        if unknown:
-            raise InputError(
-                f'covariates.temperature: unknown {", ".join(sorted(map(str, unknown)))}',
-                f'choose from {", ".join(v)}',
-            )
+        _known(values, 'covariates.temperature', 'entry', v)
         v.update(values)
         if not (v['period_s'] > 0 and v['settle_s'] > 0):
             raise InputError(
@@ -261,10 +266,10 @@ def _covariates(spec, t, seed):
 
 
 def _move(spec, data, t):
+    _known(spec, 'motion', 'motion', MOTIONS)
     for kind, v in spec.items():
-        if kind not in MOTIONS:
-            raise InputError(f'motion.{kind}: unknown motion', f'choose from {", ".join(MOTIONS)}')
         v = dict(_mapping(spec, kind))
+        _known(v, f'motion.{kind}', 'entry', MOTIONS[kind])
         axis = v.pop('axis', 'no axis')
         v = _numbers(v, f'motion.{kind}')
         try:

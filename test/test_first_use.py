@@ -22,6 +22,8 @@ import yaml
 
 from imu_noise_tools.bag.writing import write_bag
 from imu_noise_tools.cli.main import main
+from imu_noise_tools.core.errors import ImuNoiseError
+from imu_noise_tools.tasks.simulate import simulate as simulate_bag
 
 
 # Filters by one model where what a bank of them does is not asked: it takes six times as long.
@@ -199,6 +201,19 @@ def test_a_horizon_covers_flicker_and_says_so(study):
 def test_tables_fit_a_terminal(words, here):
     out, _ = here(*words, columns=80)
     assert max(len(line) for line in out.splitlines()) <= 80
+    assert len(words) > 1 or len(out.splitlines()) < 120        # most effects in a line or two
+
+
+@pytest.mark.parametrize('spec, name, words', [
+    ({'duration': 60}, 'x', 'unknown entry duration: did you mean duration_s'),
+    ({'targets': {'gyro_q': {'white': {'N': 1}}}}, 'x', 'targets: unknown axis gyro_q: did you'),
+    ({'motion': {'rocking': {'axis': 'x', 'amplitude': 1}}}, 'x', 'did you mean amplitude_deg'),
+    ({}, 'x.hdf5', r'written as .hdf5: choose from .mcap, .db3, .bag, .csv, .npz, or a folder')])
+def test_a_simulation_that_cannot_be_is_answered_with_what_there_is(spec, name, words, tmp_path):
+    whole = {'rate_hz': 100, 'duration_s': 60, 'targets': {'gyro_x': {'white': {'N': 1e-4}}}}
+    with pytest.raises(ImuNoiseError, match=words):
+        simulate_bag(whole | spec, tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.thorough

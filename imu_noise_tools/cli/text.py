@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import groupby
 import textwrap
 from typing import Any
 
@@ -25,14 +26,21 @@ def unit_of(parameter: Parameter) -> str:
 
 
 def effects_table(classes: Iterable[type[Effect]]) -> str:
-    """Return what is known, a line each."""
-    rows = [
-        (c.domain, c.name, ', '.join(
-            p.name if p.choices else f'{p.name} [{unit_of(p)}]' for p in c.parameters
-        ), c.title)
-        for c in classes
-    ]
-    return table(rows, ('problem', 'effect', 'parameters', 'what it is'))
+    """Return what is known, a line each where the terminal is as wide, and where there is more."""
+    rows = [(c.domain, c.name, ', '.join(_runs([p.name for p in c.parameters])), c.title)
+            for c in classes]
+    return (table(rows, ('problem', 'effect', 'parameters', 'what it is'))
+            + '\n\nunits, equation, how it shows and what causes it: imu_noise effects EFFECT')
+
+
+def _runs(names: Iterable[str]) -> list[str]:
+    """Return names, of which those that differ in their ending only are one: gain_x..z."""
+    out = []
+    for stem, some in groupby(names, lambda n: n.rpartition('_')[0] or n):
+        same = list(some)
+        last = same[-1].rpartition('_')[2]
+        out += [f'{same[0]}..{last}'] if len(same) > 2 else same
+    return out
 
 
 def effect(cls: type[Effect]) -> str:

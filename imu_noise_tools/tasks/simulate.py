@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+import re
 from typing import Any
 
 from .. import store
 from ..bag import write_bag
+from ..bag.writing import SUFFIX
 from ..core import files
-from ..core.errors import ImuNoiseError
+from ..core.errors import ImuNoiseError, UsageError
 from ..simulate import simulate as simulate_record
 
 Progress = Callable[[float | None, str], None]
@@ -26,7 +28,18 @@ def simulate(spec: Any, out: str | Path, force: bool = False,
     ``truth.yaml`` is written beside the bag (in its folder's parent); where that of another record
     is there already, as ``<bag>.truth.yaml``. ``bag`` in it names the record that it is of.
 
+    Raises
+    ------
+    InputError
+        The specification cannot be used, or something is in the way.
+    UsageError
+        The name ends as a file does that cannot be written.
+
     """
+    ending = Path(out).suffix.lower()
+    if re.search('[a-z].*[a-z]', ending) and ending not in SUFFIX:      # my_robot.v2 is a folder
+        raise UsageError(f'{out}: cannot be written as {ending}',
+                         f'choose from {", ".join(SUFFIX)}, or a folder: a name without an ending')
     if not isinstance(spec, dict):
         spec = store.load_yaml(spec, 'imu_noise simulate --help shows one')
     drawing = (lambda p, what: progress(0.5 * p, what)) if progress else None
