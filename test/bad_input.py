@@ -470,7 +470,7 @@ def yaml_object(path):
 
 # -- tables that are none
 
-@case('refused', 'names no axis', opens=False)
+@case('refused', 'no line of names', opens=False)
 def csv_without_header(path):
     """Leave the first line out."""
     path = path.with_suffix('.csv')

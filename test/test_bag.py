@@ -719,6 +719,93 @@ def test_a_thermometer_that_is_read_less_often(suffix, tmp_path):
     np.testing.assert_allclose(warm['temperature'], np.interp(np.arange(r.n), at, rarely[at]))
 
 
+def echoed(r):
+    """Return the lines of ``ros2 topic echo --csv`` of a record."""
+    stamp = START + np.arange(r.n) * 10 ** 7
+    none = ['0.0'] * 9
+    return '\n'.join(','.join([str(t // 10 ** 9), str(t % 10 ** 9), 'imu', *'0001', *none,
+                               *map(repr, w), *none, *map(repr, a), *none])
+                     for t, w, a in zip(stamp.tolist(), r.gyro.tolist(), r.accel.tolist())) + '\n'
+
+
+def written(r, head, factor=1.0, between=',', t=None, text=None):
+    """Return a table of stamps, rates (by a factor) and accelerations."""
+    t = np.round(START + np.arange(r.n) * 1e7).astype(np.int64) if t is None else t
+    lines = [between.join([repr(s), *([text] if text else []), *map(repr, w), *map(repr, a)])
+             for s, w, a in zip(t.tolist(), (r.gyro * factor).tolist(), r.accel.tolist())]
+    lines = [x.replace('.', ',') for x in lines] if between == ';' else lines
+    return '\n'.join([head, *lines]) + '\n'
+
+
+AXES6 = 'gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
+EUROC = ','.join(f'{s}_RS_S_{c} [{u}]' for s, u in (('w', 'rad s^-1'), ('a', 'm s^-2'))
+                 for c in 'xyz')
+NOETIC = ','.join(f'field.{s}.{c}' for s in ('angular_velocity', 'linear_acceleration')
+                  for c in 'xyz')
+TABLES = {
+    'decimal comma': lambda r: written(r, f't,{AXES6}'.replace(',', ';'), between=';', t=r.t),
+    'tabs': lambda r: written(r, f't,{AXES6}'.replace(',', '\t'), between='\t', t=r.t),
+    'spaces': lambda r: written(r, '# ' + f't,{AXES6}'.replace(',', ' '), between=' ', t=r.t),
+    'euroc': lambda r: written(r, f'#timestamp [ns],{EUROC}'),
+    'rostopic echo -p': lambda r: written(r, '%time,field.header.frame_id,' + NOETIC, text='imu'),
+    'ros2 topic echo --csv': echoed,
+    'plotjuggler': lambda r: written(
+        r, '__time,' + NOETIC.replace('field', '/imu').replace('.', '/'), t=START * 1e-9 + r.t
+    ) + f'{START * 1e-9 + 0.005},,,,,,\n',
+    'quoted': lambda r: written(r, '"time (ms)","device",' + ','.join(
+        f'"{c}"' for c in ('gx', 'gy', 'gz', 'ax', 'ay', 'az')), t=1e3 * r.t, text='"a, b"'),
+    'deg/s': lambda r: written(r, 'timestamp_us,' + ','.join(
+        f'{s}{c}{u}' for s, u in (('Gyro', ' (dps)'), ('Acc', '')) for c in 'XYZ'),
+        180 / np.pi, t=1e6 * r.t),
+}
+
+
+@pytest.mark.parametrize('name', TABLES)
+def test_tables_of_others(name, tmp_path):
+    """What other programs write is read as what it is, with its units."""
+    r = bad_input.still(5)
+    (tmp_path / 'x.csv').write_text(TABLES[name](r))
+    record = open_record(tmp_path / 'x.csv')
+    np.testing.assert_allclose(record.gyro, r.gyro, rtol=1e-12)
+    np.testing.assert_allclose(record.accel, r.accel, rtol=1e-12)
+    assert record.rate_hz == pytest.approx(100, rel=1e-5) and not record.covariates
+    assert bool(record.warnings) == (name == 'deg/s'), record.warnings
+    again = open_record(tmp_path / 'x.csv', gyro_unit='deg/s')      # what is said goes first
+    np.testing.assert_allclose(again.gyro, r.gyro * (1 if name == 'deg/s' else np.pi / 180))
+    assert topics(tmp_path / 'x.csv')[0].samples == r.n
+
+
+def test_columns_that_are_named(tmp_path):
+    """By --fields, with their units, or by their numbers where they have no names."""
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    path.write_text(written(r, 'ticks,p,q,r,f1,f2,f3', 180 / np.pi, t=1e3 * r.t))
+    record = open_record(path, fields='gyro=p+q+r:deg/s,accel=f1+f2+f3,stamp=ticks:ms')
+    np.testing.assert_allclose(record.gyro, r.gyro, rtol=1e-12)
+    assert record.rate_hz == pytest.approx(100, rel=1e-5)
+    assert record.input_unit == {'gyro': 'deg/s'}
+    with pytest.raises(InputError, match='no axis; its columns are ticks, p, q, r, f1.*--fields'):
+        open_record(path)
+    with pytest.raises(UsageError, match='unknown column of x.csv tick: did you mean ticks'):
+        open_record(path, fields='gyro=p+q+r,stamp=tick')
+    path.write_text(written(r, '', t=r.t).lstrip())
+    record = open_record(path, fields='accel=5+6+7,stamp=1')
+    np.testing.assert_array_equal(record.accel, r.accel)
+    copy_bag(path, tmp_path / 'y.csv', lambda x: Changed(None, 2 * x.accel), fields='accel=5+6+7,'
+             'stamp=1')
+    assert np.all(open_record(tmp_path / 'y.csv').accel == r.accel)
+    with pytest.raises(InputError, match='no line of names; its columns are 1, 2, 3, 4, 5, 6, 7'):
+        open_record(path)
+    path.write_text(written(r, '__time,' + ','.join(
+        f'/{n}/angular_velocity/{c}' for n in 'ab' for c in 'xyz')))
+    with pytest.raises(InputError, match='several columns may be gyro_x: /a/.*/x, /b/.*/x.*--fi'):
+        open_record(path)
+    for text, words in ((f't,{AXES6}\n', 'names and no samples'),
+                        ('t,gx,gy\n0,1,2\n', 'gyro_x, gyro_y but not all three.*t, gx, gy')):
+        path.write_text(text)
+        with pytest.raises(InputError, match=words):
+            open_record(path)
+
+
 @pytest.mark.parametrize('suffix', ['.csv', '.npz'])
 def test_copy_of_a_table(suffix, tmp_path):
     """A table keeps its columns and gets more."""

@@ -66,7 +66,7 @@ def iter_blocks(
 
     """
     if table_kind(path):
-        yield from _whole(read_table(Path(path), None), block)
+        yield from _whole(read_table(Path(path), None, fields), block)
         return
     with Bag(path) as bag:
         choice = choose(bag, topic, fields)

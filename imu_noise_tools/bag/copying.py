@@ -86,7 +86,8 @@ def copy_bag(
         first, record.n)
     if table_kind(source):
         with writing_file(target, force) as temporary:
-            write_table(temporary, table_kind(source), _more_columns(source, changed, new_topic))
+            write_table(temporary, table_kind(source), _more_columns(source, changed, new_topic,
+                                                                     fields))
         return target
     with Bag(source) as bag:
         copy = Copy(
@@ -137,8 +138,9 @@ def _changed(made: ImuRecord | Changed, n: int) -> Changed:
     )
 
 
-def _more_columns(source: Path, changed: Changed, new_topic: str) -> dict[str, np.ndarray]:
-    arrays = table_arrays(source)
+def _more_columns(source: Path, changed: Changed, new_topic: str,
+                  fields: str | None) -> dict[str, np.ndarray]:
+    arrays = table_arrays(source, fields=fields)
     ending = new_topic.rpartition('_')[2].strip('/') or 'changed'
     for name, x in zip(('gyro', 'accel'), changed[:2]):
         if x is not None:

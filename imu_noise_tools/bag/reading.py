@@ -18,9 +18,8 @@ from .tables import read_table, table_kind, table_size
 from .topics import choose, every, list_topics, TopicInfo
 from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
-from ..core.units import ACCEL_UNITS, GYRO_UNITS, INPUT
+from ..core.units import ACCEL_UNITS, GYRO_UNITS, INPUT, SI
 
-NO_FIELDS = '--fields is for bags: a table has its columns'
 KINDS = ('rate', 'delta', 'integrated')
 
 
@@ -66,7 +65,7 @@ def open_record(
     fields : str, optional
         Which fields of a message of another type are those of an Imu, ``gyro=PATH,accel=PATH,
         stamp=PATH:us`` (:class:`~imu_noise_tools.bag.fields.Fields`); px4_msgs' SensorCombined,
-        SensorGyro and SensorAccel are known without.
+        SensorGyro and SensorAccel are known without. Of a .csv they are its columns.
 
     Returns
     -------
@@ -89,9 +88,7 @@ def open_record(
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
         raise UsageError(f'invalid sample rate: {rate_hz} Hz', 'it must be a positive number')
     if table_kind(path):
-        if fields:
-            raise UsageError(NO_FIELDS, 'leave it out')
-        record = read_table(Path(path), rate_hz)
+        record = read_table(Path(path), rate_hz, fields)
     else:
         with Bag(path) as bag:
             try:
@@ -118,7 +115,7 @@ def topics(path: str | Path, fields: str | None = None) -> list[TopicInfo]:
     """
     kind = table_kind(path)
     if kind:
-        return [TopicInfo('imu', kind, *table_size(Path(path)), 'imu')]
+        return [TopicInfo('imu', kind, *table_size(Path(path), fields), 'imu')]
     with Bag(path) as bag:
         if fields:
             bag.read_as(Fields.of(fields))
@@ -154,10 +151,11 @@ def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> 
     said = {s: unit for s, unit in units.items()
             if unit is not None and getattr(record, s) is not None}
     for sensor, unit in said.items():
-        if (factor := INPUT[sensor][unit]) != 1.0:
+        stated = record.input_unit.get(sensor, SI[sensor])     # what it was read in already
+        if (factor := INPUT[sensor][unit] / INPUT[sensor][stated]) != 1.0:
             data = getattr(record, sensor)
             data *= factor
-    return replace(record, input_unit=said)
+    return replace(record, input_unit={**record.input_unit, **said})
 
 
 def _as_rate(record: ImuRecord, kind: str, memory: Memory) -> ImuRecord:

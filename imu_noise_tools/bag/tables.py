@@ -10,6 +10,7 @@ They are read without pickle, and with no more memory than the file warrants.
 
 from __future__ import annotations
 
+from dataclasses import replace
 import io
 from pathlib import Path
 import re
@@ -17,17 +18,20 @@ import zipfile
 
 import numpy as np
 
+from .columns import Columns, columns_of
 from .container import AT_LEAST, EXPANSION
+from .fields import Fields
 from .source import _refuse_what_cannot_be_read
 from ..core.clock import regular_rate
-from ..core.errors import InputError
-from ..core.record import AXES, ImuRecord
+from ..core.errors import InputError, UsageError
+from ..core.record import AXES, ImuRecord, SENSORS
 
 NPZ_ARRAYS = (
     'an .npz holds gyro (n, 3) in rad/s, accel (n, 3) in m/s^2, and t (n,) in s or rate_hz'
 )
 CSV_COLUMNS = (
-    'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, m/s^2)'
+    'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, '
+    'm/s^2), or its columns are named with --fields'
 )
 #: parts of a second that stamps since 1970 may come in, and seconds since then that are now
 SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
@@ -43,23 +47,27 @@ def table_kind(path: str | Path) -> str:
     return suffix[1:] if suffix in ('.csv', '.npz') and not Path(path).is_dir() else ''
 
 
-def read_table(path: Path, rate_hz: float | None) -> ImuRecord:
+def read_table(path: Path, rate_hz: float | None, fields: str | None = None) -> ImuRecord:
     """
-    Read a table.
+    Read a table, in SI where it states a unit: ``input_unit`` says which are others.
 
-    ``rate_hz`` goes before stamps and labels. Raise InputError where it cannot be used.
+    ``rate_hz`` goes before stamps and labels; ``fields`` names the columns of a .csv
+    (:class:`~imu_noise_tools.bag.fields.Fields`). Raise InputError where it cannot be used,
+    UsageError where it has no such column.
 
     """
     said: list[str] = []
+    units: dict[str, str] = {}
     try:
-        return _record(path, table_arrays(path, said), rate_hz, said)
+        record = _record(path, table_arrays(path, said, fields, units), rate_hz, said)
+        return replace(record, input_unit=units)
     except InputError as error:
         raise error.after(*said)
 
 
-def table_size(path: Path) -> tuple[int, float | None]:
+def table_size(path: Path, fields: str | None = None) -> tuple[int, float | None]:
     """Return the number of samples of a table, and how many there are in a second, if known."""
-    arrays = table_arrays(path)
+    arrays = table_arrays(path, fields=fields)
     label = _number(arrays.get('rate_hz'))
     record = _record(path, dict(arrays), label or 1.0, [])
     t = arrays.get('t')
@@ -68,16 +76,29 @@ def table_size(path: Path) -> tuple[int, float | None]:
     return record.n, (record.n - 1) / span if span > 0 else label
 
 
-def table_arrays(path: Path, said: list[str] | None = None) -> dict[str, np.ndarray]:
+def table_arrays(
+    path: Path, said: list[str] | None = None, fields: str | None = None,
+    units: dict[str, str] | None = None,
+) -> dict[str, np.ndarray]:
     """
     Return all arrays of numbers of a table, gyro and accel as (n, 3).
 
-    Doubts are added to ``said``.
+    Doubts are added to ``said``, units that the table states and are not SI to ``units``: what is
+    returned is SI.
 
     """
     _refuse_what_cannot_be_read(path)
     try:
-        arrays, doubts = (_read_npz if table_kind(path) == 'npz' else _read_csv)(path)
+        if table_kind(path) == 'npz':
+            if fields:
+                raise UsageError('--fields is for bags and .csv: an .npz has its names',
+                                 'leave it out')
+            arrays, doubts = _read_npz(path)
+        else:
+            arrays, columns = _read_csv(path, Fields.of(fields) if fields else None)
+            doubts = columns.said
+            if units is not None:
+                units.update(columns.units)
     except OSError as error:
         raise InputError(
             f'{path}: cannot be read ({(error.strerror or str(error)).lower()})'
@@ -291,66 +312,70 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
     return array.reshape(shape, order='F' if fortran else 'C')
 
 
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the columns of a .csv."""
+def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray], Columns]:
+    """Return the columns of a .csv, in SI where they state a unit, and how they were read."""
     with open(path, encoding='utf-8', errors='replace', newline=None) as file:
-        names = [
-            n.strip().strip('"').lower()
-            for n in file.readline(1 << 16).lstrip('#\ufeff ').strip().split(',')
-        ]
-        present = [a for a in AXES if a in names]
-        if not present:
-            raise InputError(f'{path}: its first line names no axis', CSV_COLUMNS)
-        if len(set(names)) != len(names):
-            raise InputError(f'{path}: its first line names a column twice', CSV_COLUMNS)
+        first, second = (file.readline(1 << 16) for _ in range(2))
+        columns = columns_of(path, first, second, fields)
+        said = columns.said
+        if columns.headed and not second.strip():
+            raise InputError(f'{path}: has a line of names and no samples', 'record again')
+        lines = [second] if columns.headed else [first, second]
+        line = 3 - len(lines)
         blocks: list[np.ndarray] = []
-        said: list[str] = []
-        line = 2
-        while lines := file.readlines(1 << 22):
-            blocks.append(_numbers(path, lines, len(names), line, said))
+        while more := file.readlines(1 << 22) or lines:
+            lines += more if more is not lines else []
+            blocks.append(_numbers(columns, lines, line, said))
             line += len(lines)
-    table = np.concatenate(blocks) if blocks else np.empty((0, len(names)))
-    columns = {n: table[:, k] for k, n in enumerate(names) if n}
+            lines = []
+    table = np.concatenate(blocks)
+    found = {n: table[:, k] for k, n in enumerate(columns.place)}
+    for name, (factor, more) in columns.scale.items():
+        if name in found:
+            found[name] = factor * found[name] + more
+    if 't_ns' in found:
+        found['t'] = found['t'] + 1e-9 * found.pop('t_ns')
+    if not columns.own:         # of a table of several topics other lines are theirs
+        there = np.any([np.isfinite(x) for n, x in found.items() if n in AXES], axis=0)
+        found = {n: x[there] for n, x in found.items()}
     arrays = {}
-    for sensor in ('gyro', 'accel'):
-        axes = [a for a in AXES if a.startswith(sensor)]
-        there = [a for a in axes if a in columns]
-        if there and there != axes:
-            raise InputError(f'{path}: has {", ".join(there)} but not all three axes', CSV_COLUMNS)
-        if there:
-            arrays[sensor] = np.stack([columns.pop(a) for a in axes], axis=1)
-    return arrays | columns, said
+    for sensor in SENSORS:
+        if f'{sensor}_x' in found:
+            arrays[sensor] = np.stack([found.pop(f'{sensor}_{c}') for c in 'xyz'], axis=1)
+    return arrays | found, columns
 
 
-def _numbers(path: Path, lines: list[str], width: int, first: int, said: list[str]) -> np.ndarray:
-    """Return the numbers of some lines; raise InputError for one that is not ``width`` of them."""
-    if _is_cut(lines):
+def _numbers(columns: Columns, lines: list[str], first: int, said: list[str]) -> np.ndarray:
+    """Return the numbers of some lines; raise InputError for one that has too few or others."""
+    if _is_cut(columns, lines):
         lines = lines[:-1]
         said.append('the file was cut short; its last line was left out')
+    use, width = list(columns.place.values()), len(columns.names)
     try:
-        found = np.loadtxt(lines, delimiter=',', ndmin=2, comments=None)
-        if found.shape[1] == width or not found.size:
-            return found.reshape(-1, width)
+        point = lines if columns.delimiter == ',' else [x.replace(',', '.') for x in lines]
+        found = np.loadtxt(point, delimiter=columns.delimiter, ndmin=2, comments=None,
+                           quotechar='"', usecols=use if columns.text else None)
+        if columns.text or found.shape[1] == width:
+            return found if columns.text else found[:, use]
     except ValueError:
         pass
     table = []
     for k, line in enumerate(lines):
         if not line.strip():
             continue
+        cells = columns.cells(line)
         try:
-            row = [float(cell) if cell.strip() else float('nan') for cell in line.split(',')]
-        except ValueError:
+            row = [float(cells[k]) if cells[k].strip() else float('nan') for k in use]
+        except (ValueError, IndexError):
             row = []
-        if len(row) != width:
-            raise InputError(
-                f'{path}: line {first + k} is not {width} numbers: {line.strip()[:40]!r}',
-                CSV_COLUMNS,
-            )
+        if not row or len(cells) != width:
+            raise InputError(f'{columns.path}: line {first + k} is not {width} numbers: '
+                             f'{line.strip()[:40]!r}', CSV_COLUMNS)
         table.append(row)
-    return np.array(table, float).reshape(-1, width)
+    return np.array(table, float).reshape(-1, len(use))
 
 
-def _is_cut(lines: list[str]) -> bool:
+def _is_cut(columns: Columns, lines: list[str]) -> bool:
     """
     Tell whether the last line is without its end.
 
@@ -358,8 +383,8 @@ def _is_cut(lines: list[str]) -> bool:
 
     """
     *before, last = lines
-    if last.endswith('\n') or not before:
+    if last.endswith('\n') or not before or not last:
         return False
-    cells = [line.rstrip('\n').split(',') for line in before[-20:]]
-    mine = last.split(',')
+    cells = [columns.cells(line.rstrip('\n')) for line in before[-20:]]
+    mine = columns.cells(last)
     return len(mine) < len(cells[-1]) or len(mine[-1]) < min(len(c[-1]) for c in cells)

@@ -63,7 +63,8 @@ def topic_options(command: argparse.ArgumentParser, every: bool = False) -> None
         '--fields', metavar='F',
         help='messages of another type: gyro=PATH,accel=PATH,stamp=PATH:us, each with its unit '
              'behind it (rad/s, deg/s; m/s^2, g, mg; s, ms, us, ns); a path to three numbers or '
-             'to x, y, z, or three joined with +; temperature=PATH:degC where there is one')
+             'to x, y, z, or three joined with +; temperature=PATH:degC where there is one; of a '
+             '.csv the names of columns, or their numbers')
 
 
 def unit_options(command: argparse.ArgumentParser) -> None:

@@ -105,7 +105,7 @@ def about(path: str | Path, topic: str | None, raw: bool,
 
     """
     if table_kind(path):
-        record = read_table(Path(path), 1.0)
+        record = read_table(Path(path), 1.0, fields)
         return record.n, record.topic, ''
     with Bag(path) as bag:
         choice = choose(bag, topic, fields)
