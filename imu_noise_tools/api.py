@@ -374,22 +374,26 @@ class Study:
 
     def export(self, format: str, path: str | Path | None = None, *, axes: str = 'worst',
                inflate: float = 1.0, horizon: float | None = None,
-               calibration: str | Path | None = None) -> str:
+               calibration: str | Path | None = None, force: bool = False) -> str:
         """
         Return the numbers as another program reads them; with ``path``, write them as well.
+
+        As on the command line, a file that is there is replaced where it is an earlier export of
+        the same format, any other only with ``force``.
 
         Raises
         ------
         UsageError
             An unknown format, or an option that it cannot hold.
         InputError
-            The study is not one of noise, or does not hold what the format needs.
+            The study is not one of noise, or does not hold what the format needs; or another file
+            is in the way.
 
         """
         text = exports.export(self._of('noise'), format, axes=axes, inflate=inflate,
                               horizon=horizon, calibration=calibration)
         if path is not None:
-            files.atomic_write(path, text)
+            exports.write(path, text, force)
         return text
 
     def plot(self, name: str | None = None) -> Picture:

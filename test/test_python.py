@@ -159,6 +159,19 @@ def test_what_a_record_does_not_show_is_none_with_a_limit(study):
     assert n.interval[0] < float(n) < n.interval[1] and n.std > 0
 
 
+def test_an_export_replaces_no_other_file(study, tmp_path):
+    """Nor does the command; an earlier export it does."""
+    path = tmp_path / 'imu.yaml'
+    path.write_text('mine')
+    with pytest.raises(imu.InputError, match='another name'):
+        study.export('kalibr', path)
+    assert path.read_text() == 'mine'
+    text = study.export('kalibr', path, force=True)
+    assert path.read_text() == text
+    study.export('kalibr', path, inflate=2.0)
+    assert path.read_text() != text
+
+
 def test_unknown_names_are_answered_with_the_nearest(study, tmp_path):
     for name, meant in (('gyrox', 'gyro_x'), ('acel_z', 'accel_z')):
         with pytest.raises(imu.UsageError, match=f'did you mean {meant}'):

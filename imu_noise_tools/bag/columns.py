@@ -75,9 +75,10 @@ class Columns:
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line; of numbers with a decimal comma, with a point."""
-        quoted = self.delimiter and '"' in line
-        cells = (next(csv.reader([line], delimiter=self.delimiter)) if quoted
-                 else line.split(self.delimiter))
+        if self.delimiter and '"' in line:
+            cells = next(csv.reader([line], delimiter=self.delimiter))
+        else:
+            cells = line.split(self.delimiter)
         return cells if self.delimiter == ',' else [c.replace(',', '.') for c in cells]
 
 
