@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 
+import bad_input
 import numpy as np
 from params import daily
 import pytest
@@ -20,8 +21,9 @@ from imu_noise_tools.core.clock import fit_clock
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord, Memory
 from imu_noise_tools.core.statistics import grid_step
+from imu_noise_tools.core.units import G0
 from imu_noise_tools.health import (
-    examine, motion_doubts, prepare, resolution, Selection, still_stretches)
+    examine, motion_doubts, prepare, resolution, Selection, still_stretches, unit_doubts)
 from imu_noise_tools.health.examine import _warms_up
 from imu_noise_tools.health.stamps import ordered
 from imu_noise_tools.plots.noise import left_out
@@ -644,6 +646,26 @@ def test_a_rate_that_contradicts_the_stamps_is_said(tmp_path, kind, rate, given,
     assert 'stamps were used' not in heard
     if kind == 'mcap' and said:
         assert 'the samples at --rate-hz span' in heard and 'the rate was used' in heard
+
+
+@pytest.mark.parametrize('gyro, accel, said', [
+    (np.degrees(1), 1 / G0, ['--accel-unit g', '--gyro-unit deg/s']),
+    (0.01, 0.01, ['increments', 'analyse --delta'])])
+def test_a_unit_is_doubted_alike_by_every_command(gyro, accel, said, tmp_path, capsys):
+    """By inspect, analyse, and what moves; read in the units that are named it is not."""
+    r = bad_input.still(70)
+    r = replace(r, gyro=r.gyro * gyro, accel=r.accel * accel)
+    doubts = list(examine(r).units)
+    assert len(doubts) == (2 if gyro > 1 else 1)
+    assert all(any(s in d for d in doubts) for s in said)
+    assert [w for w in prepare(r).warnings if 'wrong unit' in w] == doubts == unit_doubts(r)
+    path = write_bag(tmp_path / 'x.npz', r)
+    if gyro > 1:
+        assert main(['inspect', str(path), '--gyro-unit', 'deg/s', '--accel-unit', 'g']) == 0
+        said = capsys.readouterr().out
+        assert 'Wrong unit' not in said and 'rest       9.8' in said
+        assert main(['inspect', str(path), '--rate-hz', '50']) == 0
+        assert 'rate                  50 Hz' in capsys.readouterr().out
 
 
 def test_a_record_that_is_too_short_to_tell_says_so():

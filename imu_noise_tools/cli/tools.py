@@ -28,6 +28,7 @@ def register(commands: Any) -> None:
     c = commands.add_parser('inspect', help='topics, rate, stamps, health of a bag, with advice')
     c.add_argument('bag', metavar='BAG')
     common.topic_options(c, every=True)
+    common.unit_options(c)
     common.selection_options(c)
     common.output_options(c, 'what was found')
     c.set_defaults(func=inspect)
@@ -82,7 +83,7 @@ def inspect(args: argparse.Namespace) -> int:
     selection = common.selection_of(args)
     with common.progress_line(args) as progress:
         how: dict[str, Any] = dict(
-            selection=selection, fields=args.fields,
+            selection=selection, fields=args.fields, **common.units_of(args),
             progress=(lambda p: progress(p, 'reading')) if progress else None)
         if args.topic == ALL:
             known, refused = tasks.inspect_every(args.bag, **how)

@@ -54,7 +54,8 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
         if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(
                 f'wrong unit suspected: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
-                + (_converted_twice(g, record.input_unit.get('accel')) or _likely_accel(g))
+                + (_converted_twice(g, record.input_unit.get('accel'))
+                   or _likely_accel(g, record.rate_hz))
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
@@ -77,13 +78,16 @@ def _converted_twice(g: float, unit: str | None) -> str:
     return ''
 
 
-def _likely_accel(g: float) -> str:
+def _likely_accel(g: float, rate_hz: float) -> str:
     if 0.7 <= g <= 1.3:
         return '; if it is in g, use --accel-unit g'
     if 700 <= g <= 1300:
         return '; if it is in mg, use --accel-unit mg'
     if g > 100:
         return '; these may be raw counts, which need the scale of the sensor'
+    if 9 <= g * rate_hz <= 10.5:
+        return ('; times the rate it is: these look like increments (m/s, rad for each sample), '
+                'which analyse --delta takes')
     return '; gravity may have been removed' if g < 0.5 else ''
 
 

@@ -46,12 +46,18 @@ def inspect(
     selection: Selection | None = None,
     progress: Any = None,
     fields: str | None = None,
+    **reading: Any,
 ) -> Inspection:
-    """Return what a bag, or a part of its record, holds; raises what reading it raises."""
+    """
+    Return what a bag, or a part of its record, holds; raises what reading it raises.
+
+    ``reading`` are the rate and the units of :func:`~imu_noise_tools.bag.open_record`.
+
+    """
     memory = Scratch()
     selection = selection or Selection()
     record = open_record(bag, topic, progress=progress, memory=memory, apart=True,
-                         fields=fields)
+                         fields=fields, **reading)
     known = tuple(topics(bag, fields))
     first, *others = (_one(r, known, selection, memory) for r in record.streams)
     whole = replace(first, beside=tuple(others))
