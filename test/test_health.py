@@ -668,6 +668,29 @@ def test_a_unit_is_doubted_alike_by_every_command(gyro, accel, said, tmp_path, c
         assert 'rate                  50 Hz' in capsys.readouterr().out
 
 
+def test_what_is_not_finite_is_told_by_axis(tmp_path, capsys):
+    """How many, and when the first; the refusal says it, too."""
+    r = bad_input.still(70)
+    r.gyro[1000:1100, 1], r.accel[3000, 0] = np.nan, np.inf
+    assert examine(r).not_finite_axes == {'gyro_y': (100, pytest.approx(10)),
+                                          'accel_x': (1, pytest.approx(30))}
+    path = write_bag(tmp_path / 'x.npz', r)
+    assert main(['inspect', str(path)]) == 0
+    assert '101 samples: gyro_y 100 from 10 s, accel_x 1 from 30 s' in capsys.readouterr().out
+    assert main(['analyse', str(path)]) == 1
+    assert 'gyro_y 100 from 10 s' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('after, said', [
+    (3 * 86400.0, '3 days before'), (-5000.0, '83.3 min after'), (0.5, '')])
+def test_stamps_far_from_the_receive_times_are_said(after, said):
+    r = bad_input.still(70)
+    health = examine(replace(r, receive_t=r.t + after))
+    assert health.received_after_s == pytest.approx(after)
+    found = [a for a in health.advice if 'receive times: their clock' in a]
+    assert len(found) == bool(said) and all(f'stamps are {said}' in a for a in found)
+
+
 def test_a_record_that_is_too_short_to_tell_says_so():
     """At rest it is analysed, and warned of below a minute; a minute is enough."""
     for seconds, some in ((15, True), (59, True), (60, False), (90, False)):

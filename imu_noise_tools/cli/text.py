@@ -13,6 +13,7 @@ from typing import Any
 from ..core import units
 from ..core.clipped import ends_in_words
 from ..core.clock import PATTERNS
+from ..health.values import where_not_finite
 from ..loop.effect import Effect, Parameter
 from ..report.terminal import table, width
 
@@ -176,7 +177,8 @@ def _health(found) -> list[str]:
                    f'{jitter}')
     if h.received:
         line('receive times', PATTERNS[h.received])
-    line('not finite', h.not_finite)
+    bad = where_not_finite(h.not_finite_axes)
+    line('not finite', f'{h.not_finite} samples: {bad}' if bad else 0)
     line('stuck axes', ', '.join(h.stuck) or 'none')
     line('saturation', ', '.join(
         f'{a} {ends_in_words(a, [(end, k / h.samples) for end, k in ends])}'

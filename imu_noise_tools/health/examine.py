@@ -14,7 +14,9 @@ import numpy as np
 from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .united import united
-from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
+from .values import (
+    at_the_end, finite, is_constant, not_finite, too_fast, unit_of_stamps, where_not_finite,
+    wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import AXES, ImuRecord, Memory, sensor_of
@@ -24,6 +26,7 @@ from ..core.units import G0
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
+APART = 60.0    # s: no driver is so late
 HELD = 0.02     # share of samples that repeat the one before, from which it is said
 FOR_CHANCE = 1 << 20    # samples that tell how many do by chance
 # times what a random walk moves meanwhile: with all else that is asked, one reaches it in one axis
@@ -72,10 +75,12 @@ class Health:
     jitter_s: float | None              # scatter of the stamps about an even clock
     stamps: str                         # what they look like, a key of core.clock.PATTERNS
     received: str                       # the same of the receive times; empty: none
+    received_after_s: float | None      # by how much they lie after the stamps
     tick_s: float                       # step of the grid the stamps lie on; 0: none
     resolvable: int                     # fewer samples lost in a row would not show
     clock_steps: int                    # how often the clock of the stamps was set
     not_finite: int
+    not_finite_axes: Mapping[str, tuple[int, float]]    # samples by axis, and when the first is
     stuck: tuple[str, ...]
     saturated: Mapping[str, int]        # samples at the end of the range, by axis
     range_ends: Mapping[str, tuple[tuple[float, int], ...]]     # each end, SI, and samples there
@@ -132,7 +137,8 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     median = median_rate(tidy.t)
     drift = _drift(tidy)
     memory.rest()
-    not_finite = record.n - int(finite(record).sum())
+    bad = not_finite(record)
+    any_bad = record.n - int(finite(record).sum()) if bad else 0
     memory.rest()
     held = _equal(record, 1)
     alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
@@ -148,7 +154,9 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward, ahead=stamps.ahead,
         **_clock_fields(tidy, clock, _receive_clock(record)),
-        not_finite=not_finite,
+        not_finite=any_bad,
+        not_finite_axes=bad,
+        received_after_s=_received_after(record),
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
         saturated={a: sum(k for _, k in ends) for a, ends in clipped.items()},
         range_ends=clipped,
@@ -195,6 +203,13 @@ def _receive_clock(record: ImuRecord) -> SampleClock | None:
     if record.receive_t is None:
         return None
     return fit_clock(np.maximum.accumulate(record.receive_t))
+
+
+def _received_after(record: ImuRecord) -> float | None:
+    """Return by how much the receive times lie after the stamps, s; None without any."""
+    if record.receive_t is None or not record.n:
+        return None
+    return float(np.nanmedian(record.receive_t[:FOR_CHANCE] - record.t[:FOR_CHANCE]))
 
 
 def _drift(record: ImuRecord) -> float | None:
@@ -323,7 +338,8 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
             f"The sensor's clock is off by {h.clock_drift_ppm:.3g} ppm from the computer's."
         )
     if h.not_finite:
-        say.append(f'{h.not_finite} samples are not finite: check the driver.')
+        say.append(f'{h.not_finite} samples are not finite '
+                   f'({where_not_finite(h.not_finite_axes)}): check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
     say += [f'{s}.' for s in at_the_end(h.range_ends, h.samples)]
@@ -356,6 +372,13 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
 def _stamp_advice(h: Health) -> list[str]:
     """Return sentences on the clock of the stamps."""
     say: list[str] = []
+    apart = h.received_after_s or 0.0
+    if abs(apart) > APART:
+        say.append(
+            f'The stamps are {_long(abs(apart))} {"before" if apart > 0 else "after"} the receive '
+            'times: their clock was not set or counts from its start, or the bag was played and '
+            'recorded again. The noise is none the worse for it, but other topics may not fit.'
+        )
     if h.rate_hz is None or h.jitter_s is None:
         return say
     if h.stamps == 'computed' and h.received in ('', 'computed'):
@@ -382,6 +405,14 @@ def _stamp_advice(h: Health) -> list[str]:
 
 def _count(n: int, what: str) -> str:
     return f'{n} {what}' if n == 1 else f'{n} {what}s'
+
+
+def _long(seconds: float) -> str:
+    """Return a time of minutes to years in words."""
+    for unit, length in (('years', 365.25 * 86400), ('days', 86400.0), ('h', 3600.0)):
+        if seconds >= 2 * length:
+            return f'{seconds / length:.3g} {unit}'
+    return f'{seconds / 60:.3g} min'
 
 
 def _duration(seconds: float) -> str:

@@ -19,7 +19,9 @@ import numpy as np
 
 from .stamps import ordered
 from .united import united
-from .values import at_the_end, finite, is_constant, too_fast, unit_of_stamps, wrong_units
+from .values import (
+    at_the_end, finite, is_constant, not_finite, too_fast, unit_of_stamps, where_not_finite,
+    wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
 from ..core.disturbed import disturbance, disturbances
@@ -208,7 +210,7 @@ def _finite_enough(record: ImuRecord) -> None:
     if bad > MOST_MISSING * record.n:
         raise InputError(
             f'{_name(record)}: {100 * bad / record.n:.3g} % of the samples are not finite (NaN '
-            'or infinite)',
+            f'or infinite; {where_not_finite(not_finite(record))})',
             'fix the driver and record again',
         )
 

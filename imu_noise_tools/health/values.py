@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..core.clipped import ends_in_words
-from ..core.record import ImuRecord
+from ..core.record import AXES, ImuRecord, sensor_of
 from ..core.stillness import finite_mean
 from ..core.units import ACCEL_UNITS
 
@@ -31,6 +31,21 @@ def finite(record: ImuRecord) -> np.ndarray:
             # column by column: many times faster than along the rows
             good &= np.abs(data[:, k]) < HUGE
     return good
+
+
+def not_finite(record: ImuRecord) -> dict[str, tuple[int, float]]:
+    """Return how many samples of each axis :func:`finite` is not of, and when the first is, s."""
+    found = {}
+    for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
+        bad = ~(np.abs(record.column(axis)) < HUGE)
+        if bad.any():
+            found[axis] = int(bad.sum()), float(record.t[int(np.argmax(bad))])
+    return found
+
+
+def where_not_finite(found: Mapping[str, tuple[int, float]]) -> str:
+    """Return what :func:`not_finite` found in words."""
+    return ', '.join(f'{axis} {n} from {first:.6g} s' for axis, (n, first) in found.items())
 
 
 def is_constant(x: np.ndarray) -> bool:
