@@ -137,8 +137,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     median = median_rate(tidy.t)
     drift = _drift(tidy)
     memory.rest()
-    bad = not_finite(record)
-    any_bad = record.n - int(finite(record).sum()) if bad else 0
+    damaged = _damaged_fields(record)
     memory.rest()
     held = _equal(record, 1)
     alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
@@ -154,9 +153,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward, ahead=stamps.ahead,
         **_clock_fields(tidy, clock, _receive_clock(record)),
-        not_finite=any_bad,
-        not_finite_axes=bad,
-        received_after_s=_received_after(record),
+        **damaged, received_after_s=_received_after(record),
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
         saturated={a: sum(k for _, k in ends) for a, ends in clipped.items()},
         range_ends=clipped,
@@ -177,6 +174,13 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         covariates=tuple(record.covariates),
     )
     return _with_advice(tidy, found)
+
+
+def _damaged_fields(record: ImuRecord) -> dict[str, Any]:
+    """Return what is not finite, of all samples and by axis."""
+    axes = not_finite(record)
+    return {'not_finite': record.n - int(finite(record).sum()) if axes else 0,
+            'not_finite_axes': axes}
 
 
 def _clock_fields(
