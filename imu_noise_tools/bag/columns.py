@@ -76,7 +76,10 @@ class Columns:
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line; of numbers with a decimal comma, with a point."""
         if self.delimiter and '"' in line:
-            cells = next(csv.reader([line], delimiter=self.delimiter))
+            try:
+                cells = next(csv.reader([line], delimiter=self.delimiter))
+            except csv.Error:
+                cells = []
         else:
             cells = line.split(self.delimiter)
         return cells if self.delimiter == ',' else [c.replace(',', '.') for c in cells]
