@@ -13,7 +13,7 @@ from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import Estimate, find_effect
 from imu_noise_tools.noise.differences import as_sigmas
-from imu_noise_tools.tasks.compare import _apart, compare_two, limit
+from imu_noise_tools.tasks.compare import _apart, _on_scale, compare_two, limit
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, K = 1e-4, 5e-5
@@ -72,14 +72,59 @@ def test_intervals_count_towards_each_other():
     small = Estimate(1.0, 0.5, (0.5, 4.0))
     large = Estimate(4.0, 1.0, (2.0, 5.0))
     # ln 4 apart, deviations ln 4/1.96 and ln 2/1.96
-    assert _apart(of, small, large) == pytest.approx(1.96 * 2 / np.sqrt(5))
-    assert _apart(of, large, small) == pytest.approx(-1.96 * 2 / np.sqrt(5))
+    assert _on_scale(np.log, small, large) == pytest.approx(1.96 * 2 / np.sqrt(5))
+    assert _on_scale(np.log, large, small) == pytest.approx(-1.96 * 2 / np.sqrt(5))
+    # by power 15 apart, deviations 15/1.96 and 12/1.96: the scale on which they are nearer counts
+    assert _apart(of, small, large) == pytest.approx(1.96 * 15 / np.hypot(15, 12))
+    assert _apart(of, large, small) == pytest.approx(-1.96 * 15 / np.hypot(15, 12))
     hidden = Estimate(None, None, (0.0, 1.2), upper95=1.0)
     # limits at 1.645 and 1.96 deviations: ln 1.2/.315 = .579 each, the middle at -1.645 of them
-    assert _apart(of, hidden, small) == pytest.approx(1.645 * .579 / np.hypot(
+    assert _on_scale(np.log, hidden, small) == pytest.approx(1.645 * .579 / np.hypot(
         np.log(2) / 1.96, .579), rel=1e-3)
     assert _apart(of, hidden, large) > 1.96
     assert _apart(of, hidden, hidden) is None
+
+
+def test_an_amplitude_beside_stronger_noise_is_no_further_from_none_than_its_power_says():
+    """An interval from 1 to 2 is 4/3 of 1.96 deviations of its power above zero, 1/0.3 of ln."""
+    of = find_effect('noise', 'flicker').parameters[0]
+    seen = Estimate(2.0, 0.5, (1.0, 3.0))
+    none = Estimate(None, None, (0.0, 1.01e-3), upper95=1e-3)
+    assert _apart(of, seen, none) == pytest.approx(-1.96 * 4 / 3, rel=1e-3)
+    assert _apart(of, none, seen) == pytest.approx(1.96 * 4 / 3, rel=1e-3)
+    assert _on_scale(np.log, seen, none) < -15
+    # down to nothing: by the logarithm it may be anything
+    assert _apart(of, Estimate(2.0, 1.0, (0.0, 3.0)), none) == 0
+
+
+def quantised(rate, seconds, seed, step=1.5e-3, mean=0.3):
+    rng = np.random.default_rng(seed)
+    n = int(rate * seconds)
+    y = step * np.round(N * np.sqrt(rate) * rng.standard_normal((n, 3)) / step + mean)
+    return analyse_record(ImuRecord(y, None, np.arange(n) / rate, rate), axes=('gyro_x',))
+
+
+def test_rounding_is_no_change_where_rates_differ():
+    """It adds step^2/(12 rate) to N^2: 5 % of N at 200 Hz, 17 % at 50 Hz."""
+    slow = quantised(50, 200, 21)
+    rows = compare_two(slow, quantised(200, 100, 22))
+    assert not changed(rows)
+    row = rows[0]
+    assert row['what'] == 'white.N less rounding' and abs(float(row['sigmas'])) < 3
+    for value in (row['first'], row['second']):
+        assert float(value.split()[0]) == pytest.approx(N, rel=0.04)
+    assert float(rows[-1]['second']) == pytest.approx(1, abs=0.06)
+    # no step is a change, and is told
+    assert 'white.N' in changed(compare_two(slow, quantised(200, 100, 23, step=1e-6)))
+
+
+def test_another_bias_is_no_other_noise_of_a_coarse_grid():
+    """Noise of 0.4 steps has a quarter more power where the mean is between two levels."""
+    first = quantised(100, 100, 31, step=2.5e-3, mean=0.0)
+    rows = compare_two(first, quantised(100, 100, 32, step=2.5e-3, mean=0.5))
+    assert not changed(rows) and rows[0]['what'] == 'white.N'
+    ratio = float(rows[0]['second'].split()[0]) / float(rows[0]['first'].split()[0])
+    assert ratio == pytest.approx(1.13, abs=0.03)
 
 
 def test_the_limit_goes_with_the_rows():

@@ -77,6 +77,7 @@ class ArIncrement(Motion):
     signature = 'innovations that follow the rotation, more so the larger it is'
     hint = 'q is a choice, not a measurement: a record at rest does not hold it'
     reference = 'Qian, Xia, Que, Zhang 2010'
+    counts = True
     parameters = (
         Parameter(
             'phi', '1', -0.99, 0.99, log=False, title='correlation of neighbouring increments'

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -27,11 +28,12 @@ from ..core.errors import InputError
 from ..core.spectrum import cosine_transform
 from ..core.statistics import grid_step
 from ..core.units import shown
-from ..loop.effect import Finding, Fit, Model, registry, Score, unfitted
+from ..loop.effect import Estimate, Finding, Fit, Model, registry, Score, unfitted
 from ..loop.findings import failures
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
+ONE_RATE = 0.01     # relative difference of rates that are one
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
 BEHIND = 12.0  # nats behind the best from which a candidate has no chance beside it (1 in 10^5)
@@ -340,6 +342,30 @@ class FilterProblem(Problem):
             f'{names}: record longer, at rest and in the motion in question apart from each other'
         )
 
+    def comparable(self, fit: Fit, other: Problem,
+                   other_fit: Fit) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
+        """
+        Return the variance of white noise as it is at one rate; no more of what counts in samples.
+
+        Noise of one density is the louder the faster it is sampled, but for what rounding adds.
+
+        """
+        assert isinstance(other, FilterProblem)
+        out: dict[tuple[str, str], tuple[str, Estimate, Estimate]] = {}
+        if abs(other.dt / self.dt - 1) < ONE_RATE:
+            return out
+        for e in fit.model.of(FilterEffect):
+            for p in e.parameters if e.label in other_fit.estimates else ():
+                x, y = (f.estimates[e.label][p.name] for f in (fit, other_fit))
+                what = f'{e.label}.{p.name}'
+                if e.counts:
+                    x, y = (replace(v, std=None, ci95=None) for v in (x, y))
+                    out[e.label, p.name] = what, x, y
+                elif p.name == e.variance:
+                    y = _sampled(y, other.dt / self.dt, other.step**2 / 12)
+                    out[e.label, p.name] = f'{what} at {1 / self.dt:.4g} Hz', x, y
+        return out
+
     @cached_property
     def look(self) -> Look:
         """A first look at the series, for starting values."""
@@ -349,6 +375,17 @@ class FilterProblem(Problem):
         white = np.diff(z, 3) / np.sqrt(20 * r)
         tails = bool(np.max(np.abs(white)) > np.sqrt(2 * np.log(len(white))) + 1.5)
         return Look(z, white, self.dt, r, _lines(rough, self.dt), tails)
+
+
+def _sampled(x: Estimate, ratio: float, rounding: float) -> Estimate:
+    """Return the variance of white noise at another rate, of which rounding's part stays."""
+
+    def scaled(r: float) -> float:
+        return (r - min(rounding, r)) * ratio + min(rounding, r)
+
+    return replace(x, value=None if x.value is None else scaled(x.value),
+                   std=x.std and x.std * ratio,
+                   ci95=x.ci95 and (scaled(x.ci95[0]), scaled(x.ci95[1])))
 
 
 def _lines(z: np.ndarray, dt: float, most: int = 3) -> np.ndarray:

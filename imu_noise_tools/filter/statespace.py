@@ -163,6 +163,8 @@ class FilterEffect(Effect):
     idle: ClassVar[dict[str, float]] = {}
     #: the parameter that is the variance of white noise, for an effect that is
     variance: ClassVar[str] = ''
+    #: whether its values are of one step of the samples, and others at another rate
+    counts: ClassVar[bool] = False
     #: the parameter that is the frequency of a line, for an effect that keeps its phase
     line: ClassVar[str] = ''
     #: the parameter that says for how long it keeps its phase, s

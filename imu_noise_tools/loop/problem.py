@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -146,6 +146,17 @@ class Problem(ABC):
     def differences(self, fit: Fit[Any], other: Problem, other_fit: Fit[Any]) -> list[Difference]:
         """Return what differs in the data from another problem's, whatever the models say."""
         return []
+
+    def comparable(
+        self, fit: Fit[Any], other: Problem, other_fit: Fit[Any]
+    ) -> Mapping[tuple[str, str], tuple[str, Estimate, Estimate]]:
+        """
+        Return, of what differs by nature between two records of one sensor, what can be compared.
+
+        By label and parameter: what it is then called, and the estimates of both.
+
+        """
+        return {}
 
     def differs_in_data(self, effect: Effect) -> bool:
         """Tell whether :meth:`differences` compares what an effect of a model says."""

@@ -16,7 +16,7 @@ from .candidates import (
     at_bound, candidates, no_more_than_chance, no_more_than_less, of_its_kind, Tried
 )
 from .curve import model_curve
-from .differences import differences
+from .differences import differences, without_rounding
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
 from .kinds import Coupling, Defect, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
@@ -26,7 +26,7 @@ from .plan import durations_for, range_in_words
 from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
-from ..loop.effect import Effect, Finding, Fit, Model, registry, Score, unfitted, View
+from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View
 from ..loop.problem import Difference, Problem
 from ..loop.verdict import SURE
 
@@ -384,6 +384,12 @@ class NoiseProblem(Problem):
         """Return how power differs from another record's, band by band, and how its lines do."""
         assert isinstance(other, NoiseProblem)
         return differences(self.evidence, fit, other.evidence, other_fit)
+
+    def comparable(self, fit: Fit, other: Problem,
+                   other_fit: Fit) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
+        """Return white noise without what goes with rate and bias where samples are rounded."""
+        assert isinstance(other, NoiseProblem)
+        return without_rounding(self.evidence, fit, other.evidence, other_fit)
 
     def differs_in_data(self, effect: Effect) -> bool:
         """Tell so of lines: those of one label in two models need not be the same."""

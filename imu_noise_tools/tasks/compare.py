@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,7 @@ def limit(rows: Sequence[Mapping[str, Any]]) -> float:
 def _of_target(t: str, a, b) -> list[dict]:
     """Return the rows of one target of two states, verdicts on what is tested left open."""
     out = []
+    instead = a.problem.comparable(a.fit, b.problem, b.fit)
     for label in a.model.labels:
         if a.problem.differs_in_data(a.model[label]):
             continue
@@ -78,7 +79,8 @@ def _of_target(t: str, a, b) -> list[dict]:
             y = b.fit.estimates.get(label, {}).get(name)
             of = a.model[label].parameter(name)
             if y is not None and not _unused(of, x, y):
-                out.append(_of_estimates(t, f'{label}.{name}', of, x, y))
+                what, x, y = instead.get((label, name), (f'{label}.{name}', x, y))
+                out.append(_of_estimates(t, what, of, x, y))
     for label in dict.fromkeys([*a.model.labels, *b.model.labels]):
         has = [label in s.model for s in (a, b)]
         if not all(has) and not a.problem.differs_in_data((a if has[0] else b).model[label]):
@@ -108,13 +110,27 @@ def _apart(of: Parameter, x: Estimate, y: Estimate) -> float | None:
     Return by how many standard deviations two estimates are apart; None where that is not told.
 
     Intervals of few degrees of freedom are not symmetric: what counts is how far each reaches
-    towards the other, on the scale of the search.
+    towards the other, on the scale of the search. How far it reaches beyond its end depends on
+    what hides it: an amplitude known by few waves goes on by its logarithm, one beside stronger
+    noise by its power, on which none of it is not far. The scale counts on which they are nearer.
 
     """
     if None not in (x.value, y.value) and x.value == y.value:
         return 0.0 if x.std and y.std else None
+
+    def searched(value: float) -> float:
+        return of.to_search(value) if value > 0 or not of.log else -np.inf
+
+    found = [_on_scale(searched, x, y)]
+    if of.log and of.amplitude:
+        found.append(_on_scale(np.square, x, y))
+    return min((z for z in found if z is not None), key=abs, default=None)
+
+
+def _on_scale(scale: Callable[[float], float], x: Estimate, y: Estimate) -> float | None:
+    """Return :func:`_apart` by one scale."""
     up = _likely(x) < _likely(y)
-    ends = [_towards(of, e, above) for e, above in ((x, up), (y, not up))]
+    ends = [_towards(scale, e, above) for e, above in ((x, up), (y, not up))]
     if None in ends or x.value is None and y.value is None:
         return None
     (at, std), (other, more) = ends     # type: ignore[misc]
@@ -125,9 +141,10 @@ def _likely(e: Estimate) -> float:
     return e.value if e.value is not None else 0.0
 
 
-def _towards(of: Parameter, e: Estimate, above: bool) -> tuple[float, float] | None:
+def _towards(scale: Callable[[float], float], e: Estimate,
+             above: bool) -> tuple[float, float] | None:
     """
-    Return where an estimate is on the scale of the search, and its deviation to one side.
+    Return where an estimate is on a scale, and its deviation to one side.
 
     An amplitude that may be zero has two upper limits, of 95 % and 97.5 %: a normal deviation of
     that scale that has both.
@@ -136,16 +153,14 @@ def _towards(of: Parameter, e: Estimate, above: bool) -> tuple[float, float] | N
     if e.value is None:
         if not (above and e.upper95 and e.ci95 and e.ci95[1] > e.upper95):
             return None
-        near, far = (of.to_search(v) for v in (e.upper95, e.ci95[1]))
+        near, far = (scale(v) for v in (e.upper95, e.ci95[1]))
         std = (far - near) / (CI95 - CI90)
         return near - CI90 * std, std
     if not e.std:
         return None
     end = e.ci95[above] if e.ci95 else e.value + (CI95 if above else -CI95) * e.std
-    if of.log and min(end, e.value) <= 0:
-        return 0.0, np.inf      # down to nothing
-    at = of.to_search(e.value)
-    std = abs(of.to_search(end) - at) / CI95
+    at = scale(e.value)
+    std = abs(scale(end) - at) / CI95
     return (at, std) if std > 0 else None
 
 
