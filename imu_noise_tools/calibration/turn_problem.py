@@ -21,7 +21,8 @@ from .poses import joined, Poses
 from .problem import CalibrationProblem, score_of
 from ..core.errors import FitError
 from ..core.statistics import TWO_SIDED
-from ..loop.effect import Finding, Fit, Model, Score
+from ..loop.effect import Estimate, Finding, Fit, Model, Score
+from ..loop.problem import Problem
 
 _ROUNDS = 30
 _CLOSE = 1e-9
@@ -175,6 +176,28 @@ class TurnsProblem(CalibrationProblem):
         return '' if alike < 3 else (
             f'; {alike} of them reach {np.degrees(peak.max()):.0f} deg/s and none more: where the '
             f'range of the gyroscope ends there, turn more slowly')
+
+    def comparable(self, fits: Mapping[str, Fit], other: Problem, other_fits: Mapping[str, Fit],
+                   ) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
+        """
+        Return scale factors and cross-axis terms as sure as the axes that they refer to.
+
+        These are the accelerometer's, as each session has them: turned by what its cross-axis
+        terms may be off, they change cross-axis terms by that angle and scale factors by half of
+        its square.
+
+        """
+        out = {}
+        turned = [max((e.std or 0.0 for e in f['accel'].estimates.get('cross_axis', {}).values()),
+                      default=0.0) if 'accel' in f else 0.0 for f in (fits, other_fits)]
+        for label in ('scale', 'cross_axis'):
+            of, other_of = (f[self.target].estimates.get(label, {}) for f in (fits, other_fits))
+            for name in of.keys() & other_of.keys():
+                x, y = (replace(e, ci95=None, std=e.std and float(np.hypot(
+                    e.std, angle if label == 'cross_axis' else angle**2 / 2)))
+                    for e, angle in zip((of[name], other_of[name]), turned))
+                out[label, name] = f'{label}.{name}', x, y
+        return out
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return rms angles (rad) of turns as fitted and left out, with chi-squared."""

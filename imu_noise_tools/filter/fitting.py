@@ -450,19 +450,21 @@ def _covariance(free, x, best, evaluate):
     """
     Return the inverse of the likelihood's negative curvature by central differences.
 
-    Diagonal where it is flat.
+    Of pairs too: where two go together, one that is taken to one side alone makes the deviations
+    half of what they are. Diagonal where it is flat.
 
     """
     k = len(x)
     h = STENCIL * free.scale(evaluate.span)
     eye = np.diag(h)
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
-    points = [x + e for e in eye] + [x - e for e in eye] + [x + eye[i] + eye[j] for i, j in pairs]
+    corners = [eye[i] + eye[j] for i, j in pairs]
+    points = [x + sign * e for e in (*eye, *corners) for sign in (1, -1)]
     value = np.maximum(evaluate([free.at(v) for v in points]), max(best, -1e300) - 1e6)
-    up, down, both = value[:k], value[k:2 * k], value[2 * k:]
-    curve = np.diag(np.maximum(-(up + down - 2 * best), 1e-6))
-    for (i, j), v in zip(pairs, both):
-        curve[i, j] = curve[j, i] = -(v - up[i] - up[j] + best)
+    bend = 2 * best - value[::2] - value[1::2]
+    curve = np.diag(np.maximum(bend[:k], 1e-6))
+    for (i, j), both in zip(pairs, bend[k:]):
+        curve[i, j] = curve[j, i] = 0.5 * (both - bend[i] - bend[j])
     covariance = np.linalg.pinv(curve / np.outer(h, h), hermitian=True)
     if np.any(np.diag(covariance) <= 0):
         covariance = np.diag(h ** 2 / np.diag(curve))

@@ -34,6 +34,7 @@ from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
 ONE_RATE = 0.01     # relative difference of rates that are one
+MOVES = 2.0         # times the variance of the noise that samples at rest stay below (a choice)
 START = ('constant_rate', 'ar_increment', 'white')
 WORTH = 1.0  # nats below what chance gains that a candidate is still worth its intervals
 BEHIND = 12.0  # nats behind the best from which a candidate has no chance beside it (1 in 10^5)
@@ -342,29 +343,39 @@ class FilterProblem(Problem):
             f'{names}: record longer, at rest and in the motion in question apart from each other'
         )
 
-    def comparable(self, fit: Fit, other: Problem,
-                   other_fit: Fit) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
+    def comparable(self, fits: Mapping[str, Fit], other: Problem, other_fits: Mapping[str, Fit],
+                   ) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
         """
         Return the variance of white noise as it is at one rate; no more of what counts in samples.
 
         Noise of one density is the louder the faster it is sampled, but for what rounding adds.
+        Beside a bank for any motion it also takes what that is too coarse for, unless at rest.
 
         """
         assert isinstance(other, FilterProblem)
+        fit, other_fit = fits[self.target], other_fits[self.target]
         out: dict[tuple[str, str], tuple[str, Estimate, Estimate]] = {}
-        if abs(other.dt / self.dt - 1) < ONE_RATE:
-            return out
+        again = abs(other.dt / self.dt - 1) > ONE_RATE
+        moves = self._moves_bank(fit) or other._moves_bank(other_fit)
         for e in fit.model.of(FilterEffect):
             for p in e.parameters if e.label in other_fit.estimates else ():
                 x, y = (f.estimates[e.label][p.name] for f in (fit, other_fit))
                 what = f'{e.label}.{p.name}'
-                if e.counts:
-                    x, y = (replace(v, std=None, ci95=None) for v in (x, y))
-                    out[e.label, p.name] = what, x, y
-                elif p.name == e.variance:
+                white = p.name == e.variance
+                if white and again:
                     y = _sampled(y, other.dt / self.dt, other.step**2 / 12)
-                    out[e.label, p.name] = f'{what} at {1 / self.dt:.4g} Hz', x, y
+                    what += f' at {1 / self.dt:.4g} Hz'
+                if white and moves or e.counts and again:
+                    x, y = (replace(v, std=None, ci95=None) for v in (x, y))
+                if white or e.counts:
+                    out[e.label, p.name] = what, x, y
         return out
+
+    def _moves_bank(self, fit: Fit) -> bool:
+        """Tell whether a record holds more than the noise beside a bank for any motion."""
+        white = white_of(fit.model)
+        return covers(fit.model) and white is not None and bool(
+            np.var(self.seen) > MOVES * white[white.variance])
 
     @cached_property
     def look(self) -> Look:

@@ -148,12 +148,13 @@ class Problem(ABC):
         return []
 
     def comparable(
-        self, fit: Fit[Any], other: Problem, other_fit: Fit[Any]
+        self, fits: Mapping[str, Fit[Any]], other: Problem, other_fits: Mapping[str, Fit[Any]]
     ) -> Mapping[tuple[str, str], tuple[str, Estimate, Estimate]]:
         """
         Return, of what differs by nature between two records of one sensor, what can be compared.
 
-        By label and parameter: what it is then called, and the estimates of both.
+        By label and parameter: what it is then called, and the estimates of both, without a
+        deviation where nothing can be. ``fits`` are those of all targets of a study.
 
         """
         return {}

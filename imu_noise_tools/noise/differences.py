@@ -92,13 +92,31 @@ def _by_place(e: Evidence) -> float:
     2 % at half a step, all of it at a fifth. Another bias is no other noise.
 
     """
+    s2, seen, wave = _rounded(e)
+    return 0.5 * (wave * (4 * s2 + 1 / np.pi**2) / seen) ** 2 if wave else 0.0
+
+
+def _line_by_place(e: Evidence, amplitude: float) -> float:
+    """
+    Return the deviation of a line from where between two steps the mean is.
+
+    Of what moves the mean rounding passes 1 + 2 e^(-2 pi^2 s^2) cos, and it swings by step/pi
+    times that at a line's harmonics.
+
+    """
+    _, _, wave = _rounded(e)
+    return float(wave * np.hypot(np.sqrt(2) * amplitude, e.resolution / np.pi))
+
+
+def _rounded(e: Evidence) -> tuple[float, float, float]:
+    """Return the noise before and after its rounding, steps^2, and the wave of the mean in it."""
     if not e.resolution > 0:
-        return 0.0
+        return 0.0, 0.0, 0.0
     fast = e.whole.bins.f > 0.25 / e.dt
-    level = np.average(e.whole.power[fast], weights=e.whole.bins.count[fast])
-    seen = 0.5 * float(level) / e.dt / e.resolution**2
+    level = float(np.average(e.whole.power[fast], weights=e.whole.bins.count[fast]))
+    seen = 0.5 * level / e.dt / e.resolution**2
     s2 = max(seen - 1 / 12, 0.0)
-    return 0.5 * float(np.exp(-2 * np.pi**2 * s2) * (4 * s2 + 1 / np.pi**2) / seen) ** 2
+    return s2, seen, float(np.exp(-2 * np.pi**2 * s2))
 
 
 def _less(x: Estimate, part: float, place: float) -> Estimate:
@@ -198,25 +216,34 @@ def _lines(a: Evidence, b: Evidence) -> Iterator[Difference]:
         reach = max(APART / min(a.duration, b.duration), CLOCKS * f)
         near = [j for j in left if abs(b.line_table[j, 0] - f) < reach]
         j = min(near, key=lambda j: abs(b.line_table[j, 0] - f), default=None)
+        x = _line(a, i)
+        assert x.value is not None
         if j is not None:
             left.remove(j)
-            x, y = a.line(i).amplitude, b.line(j).amplitude
-            assert x.value is not None and y.value is not None
+            y = _line(b, j)
+            assert y.value is not None
             yield Difference(f'line {f:.6g} Hz', x, y, '{rate}', float(
                 (y.value - x.value) / np.hypot(x.std or 0.0, y.std or 0.0)))
-        elif (x := _unseen(b, f)) is not None:
-            yield Difference(f'line {f:.6g} Hz', a.line(i).amplitude, x, '{rate}',
-                             -_beyond(a.line(i).amplitude, x))
+        elif (none := _unseen(b, f, x.value)) is not None:
+            yield Difference(f'line {f:.6g} Hz', x, none, '{rate}', -_beyond(x, none))
     for j in left:
-        f = float(b.line_table[j, 0])
-        if (x := _unseen(a, f)) is not None:
-            yield Difference(f'line {f:.6g} Hz', x, b.line(j).amplitude, '{rate}',
-                             _beyond(b.line(j).amplitude, x))
+        f, y = float(b.line_table[j, 0]), _line(b, j)
+        assert y.value is not None
+        if (none := _unseen(a, f, y.value)) is not None:
+            yield Difference(f'line {f:.6g} Hz', none, y, '{rate}', _beyond(y, none))
 
 
-def _unseen(e: Evidence, frequency: float) -> Estimate | None:
+def _line(e: Evidence, i: int) -> Estimate:
+    """Return the amplitude of a line, no surer than the place of the mean allows."""
+    x = e.line(i).amplitude
+    return replace(x, std=float(np.hypot(x.std or 0.0, _line_by_place(e, x.value or 0.0))))
+
+
+def _unseen(e: Evidence, frequency: float, amplitude: float) -> Estimate | None:
     """
     Return below what a line stays that is not among those of a record; None where none is sought.
+
+    ``amplitude`` is what it has in the other.
 
     (A/std)^2/2 is what it gains, nats, and ln of the number of places, over the chance to take
     noise for one, is asked. What stands above the level around may be one that is not coherent.
@@ -231,6 +258,7 @@ def _unseen(e: Evidence, frequency: float) -> Estimate | None:
     level = std**2 * e.duration
     excess = float(np.sum((e.whole.power[here] - level) * bins.count[here])) / (2 * e.duration)
     most = np.sqrt(2 * std**2 * np.log(e.n / MISSED) + 2 * max(excess, 0.0))
+    std = float(np.hypot(std, _line_by_place(e, amplitude)))
     return Estimate(None, std, (0.0, float(most)), upper95=float(most))
 
 

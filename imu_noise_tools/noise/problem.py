@@ -385,11 +385,12 @@ class NoiseProblem(Problem):
         assert isinstance(other, NoiseProblem)
         return differences(self.evidence, fit, other.evidence, other_fit)
 
-    def comparable(self, fit: Fit, other: Problem,
-                   other_fit: Fit) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
+    def comparable(self, fits: Mapping[str, Fit], other: Problem, other_fits: Mapping[str, Fit],
+                   ) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
         """Return white noise without what goes with rate and bias where samples are rounded."""
         assert isinstance(other, NoiseProblem)
-        return without_rounding(self.evidence, fit, other.evidence, other_fit)
+        return without_rounding(self.evidence, fits[self.target], other.evidence,
+                                other_fits[self.target])
 
     def differs_in_data(self, effect: Effect) -> bool:
         """Tell so of lines: those of one label in two models need not be the same."""

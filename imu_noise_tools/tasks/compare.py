@@ -45,7 +45,7 @@ def compare_two(first: Study, second: Study) -> list[dict]:
         raise InputError('the two studies have no target in common: '
                          f'{", ".join(first.targets)} and {", ".join(second.targets)}',
                          'compare two studies of the same axes')
-    out = [row for t in targets for row in _of_target(t, first.states[t], second.states[t])]
+    out = [row for t in targets for row in _of_target(t, first, second)]
     beyond = limit(out)
     for row in (r for r in out if r['sigmas'] is not None):
         row['verdict'] = 'changed' if abs(row['sigmas']) > beyond else 'the same'
@@ -68,10 +68,11 @@ def limit(rows: Sequence[Mapping[str, Any]]) -> float:
     return -float(ndtri(LEVEL / 2 / max(tested(rows), 1)))
 
 
-def _of_target(t: str, a, b) -> list[dict]:
-    """Return the rows of one target of two states, verdicts on what is tested left open."""
-    out = []
-    instead = a.problem.comparable(a.fit, b.problem, b.fit)
+def _of_target(t: str, first: Study, second: Study) -> list[dict]:
+    """Return the rows of one target, verdicts on what is tested left open."""
+    out, a, b = [], first.states[t], second.states[t]
+    fits, other_fits = ({n: s.fit for n, s in x.states.items()} for x in (first, second))
+    instead = a.problem.comparable(fits, b.problem, other_fits)
     for label in a.model.labels:
         if a.problem.differs_in_data(a.model[label]):
             continue
