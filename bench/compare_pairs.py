@@ -148,7 +148,7 @@ def of_filter(rng, change: str) -> tuple[dict, list[Study]]:
             x *= s['size'] / np.std(x)
         elif s['motion'] == 'coloured':
             x[1:] *= np.sqrt(1 - a * a)
-            x = s['N'] * np.sqrt(rate) * 3 * s['size'] * lfilter([1], [1, -a], x)
+            x = s['N'] * 30 * s['size'] * lfilter([1], [1, -a], x)
         elif s['motion'] == 'increments':
             x = np.cumsum(lfilter([1], [1, -0.3], x)) * s['N'] * np.sqrt(rate) * s['size']
         else:

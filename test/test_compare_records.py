@@ -8,10 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from imu_noise_tools.calibration.turn_problem import TurnsProblem
 from imu_noise_tools.cli import text
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.effect import Estimate, find_effect
+from imu_noise_tools.filter.fitting import _covariance
+from imu_noise_tools.filter.problem import problem_of
+from imu_noise_tools.loop.effect import Estimate, find_effect, model_of
+from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.differences import as_sigmas
 from imu_noise_tools.tasks.compare import _apart, _on_scale, compare_two, limit
 from imu_noise_tools.tasks.noise import analyse_record
@@ -125,6 +129,68 @@ def test_another_bias_is_no_other_noise_of_a_coarse_grid():
     assert not changed(rows) and rows[0]['what'] == 'white.N'
     ratio = float(rows[0]['second'].split()[0]) / float(rows[0]['first'].split()[0])
     assert ratio == pytest.approx(1.13, abs=0.03)
+
+
+def filtered(rate, seed, moved=0.0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(10 * rate)) / rate
+    z = N * np.sqrt(rate) * rng.standard_normal(len(t)) + moved * np.sin(9 * t)
+    motion = 'any_motion' if moved else 'constant_rate'
+    return Study.begin({'gyro_x': problem_of(t, z, 'gyro_x')},
+                       model_of('filter', (motion, 'white')), {})
+
+
+def test_the_variance_of_a_filters_samples_is_compared_at_one_rate():
+    row, = (r for r in compare_two(filtered(100, 41), filtered(200, 42)))
+    assert row['what'] == 'white.R at 100 Hz' and row['verdict'] == 'the same'
+    assert float(row['second'].split()[0]) == pytest.approx(N**2 * 100, rel=0.15)
+
+
+def test_what_a_bank_in_motion_calls_noise_is_not_compared():
+    problem = filtered(100, 43, moved=1.0).states['gyro_x']
+    rows = problem.problem.comparable({'gyro_x': problem.fit}, problem.problem,
+                                      {'gyro_x': problem.fit})
+    assert all(e.std is None for e in rows['white', 'R'][1:])
+
+
+def test_parameters_that_go_together_are_not_too_sure():
+    """Of a narrow ridge with a skew, which differences to one side take for a wider angle."""
+    exact = np.array([[1.0, 0.9], [0.9, 1.0]])
+
+    def evaluate(points):
+        x = np.array(points)
+        return (-0.5 * np.einsum('ki,ij,kj->k', x, np.linalg.inv(exact), x)
+                + 2.0 * x[:, 0]**2 * x[:, 1])
+
+    evaluate.span = 1.0
+    free = SimpleNamespace(scale=lambda span: np.array([0.5, 0.5]), at=lambda x: x)
+    assert _covariance(free, np.zeros(2), 0.0, evaluate) == pytest.approx(exact)
+
+
+def test_a_gyroscope_refers_to_axes_that_may_be_assumed():
+    """Two sessions: in one the axes are known to 0.1 rad alone."""
+    def fits(of_axes, s_xy):
+        return {'gyro': SimpleNamespace(estimates={
+            'cross_axis': {'S_xy': Estimate(s_xy, 1e-4, (s_xy - 2e-4, s_xy + 2e-4))}}),
+            'accel': SimpleNamespace(estimates={
+                'cross_axis': {'S_xy': Estimate(0.0, of_axes, None)}})}
+
+    of = SimpleNamespace(target='gyro')
+    _, x, y = TurnsProblem.comparable(of, fits(1e-4, 0.0), of, fits(0.1, 0.05))[
+        'cross_axis', 'S_xy']
+    assert x.std == pytest.approx(np.sqrt(2) * 1e-4) and y.std == pytest.approx(0.1)
+    parameter = find_effect('calibration', 'cross_axis').parameters[0]
+    assert _apart(parameter, x, y) == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_row_is_a_line_of_80_columns(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '80')
+    row = {'target': 'accel_x', 'what': 'power 0.00417 to 0.0199 Hz', 'first': '1', 'unit': 'x',
+           'second': '1.2', 'first_shown': '0.3426 +- 0.0022', 'second_shown': '0.3426 +- 0.0022',
+           'unit_shown': 'deg/sqrt(h)', 'sigmas': '+11.0', 'verdict': 'changed'}
+    said = text.changes([row, {**row, 'sigmas': '', 'verdict': 'not to be told'}], 'a', 'b')
+    assert len(said.split('\n')) == 12 and max(map(len, said.split('\n'))) <= 80
+    assert said.endswith('accel_x: power 0.00417 to 0.0199 Hz')
 
 
 def test_the_limit_goes_with_the_rows():

@@ -96,18 +96,35 @@ def sketch(example: Any) -> list[str]:
 
 
 def changes(found: Any, first: str, second: str, si: bool = False) -> str:
-    """Return what changed between two records beyond chance, and what chance does."""
+    """
+    Return what changed between two records beyond chance, and what chance does.
+
+    In the field's units or in SI, target by target, and at the end what changed.
+
+    """
     from ..tasks.compare import LEVEL, limit, tested
 
-    rows = [(c['target'], c['what'], c['first_shown'], c['second_shown'], c['unit_shown'],
-             *((c['first'], c['second'], c['unit']) if si else ()), c['sigmas'], c['verdict'])
-            for c in found]
+    end = '' if si else '_shown'
+    head = ('what', 'first', 'second', 'unit', 'sigma', '')
+    by_target: dict[str, list[tuple[str, ...]]] = {}
+    changed: dict[str, list[str]] = {}
+    for c in found:
+        mark = '*' if c['verdict'] == 'changed' else ''
+        if mark:
+            changed.setdefault(c['target'], []).append(c['what'])
+        by_target.setdefault(c['target'], []).append((
+            c['what'].replace(' to ', '-'), *(c[k + end].replace(' +- ', ' ±') for k in (
+                'first', 'second')), c[f'unit{end}'], c['sigmas'] or '-', mark))
+    rows = [row for target, own in by_target.items()
+            for row in (('',) * len(head), (target, *('',) * (len(head) - 1)), *own)]
+    lines = [f'first: {first}', f'second: {second}', table(rows, head), '']
     tests = tested(found)
-    said = table(rows, ('target', 'what', 'first', 'second', 'unit',
-                        *(('first, SI', 'second, SI', 'SI') if si else ()), 'sigma', 'verdict'))
-    chance = (f'\nchanged: by more than {limit(found):.1f} sigma. By chance one of these {tests} '
-              f'rows is in one of {1 / LEVEL:.0f} pairs of records of one sensor.')
-    return f'first: {first}\nsecond: {second}\n{said}{chance if tests else ""}'
+    if tests:
+        lines += [f'* changed: by more than {limit(found):.1f} sigma. By chance one of these '
+                  f'{tests} rows is in', f'one of {1 / LEVEL:.0f} pairs of records of one sensor. '
+                  '- is not to be told.']
+        lines += [f'{t}: {", ".join(what)}' for t, what in changed.items()] or ['nothing changed']
+    return '\n'.join(lines).rstrip()
 
 
 def disturbed(found: Any) -> list[str]:
