@@ -170,10 +170,10 @@ def test_parameters_that_go_together_are_not_too_sure():
 def test_a_gyroscope_refers_to_axes_that_may_be_assumed():
     """Two sessions: in one the axes are known to 0.1 rad alone."""
     def fits(of_axes, s_xy):
-        return {'gyro': SimpleNamespace(estimates={
-            'cross_axis': {'S_xy': Estimate(s_xy, 1e-4, (s_xy - 2e-4, s_xy + 2e-4))}}),
-            'accel': SimpleNamespace(estimates={
-                'cross_axis': {'S_xy': Estimate(0.0, of_axes, None)}})}
+        own = {'S_xy': Estimate(s_xy, 1e-4, (s_xy - 2e-4, s_xy + 2e-4))}
+        details = SimpleNamespace(keys=(('cross_axis', 'S_xy'),), cov=np.array([[of_axes**2]]))
+        return {'gyro': SimpleNamespace(estimates={'cross_axis': own}, details=details),
+                'accel': SimpleNamespace(details=details)}
 
     of = SimpleNamespace(target='gyro')
     _, x, y = TurnsProblem.comparable(of, fits(1e-4, 0.0), of, fits(0.1, 0.05))[

@@ -188,14 +188,15 @@ class TurnsProblem(CalibrationProblem):
 
         """
         out = {}
-        turned = [max((e.std or 0.0 for e in f['accel'].estimates.get('cross_axis', {}).values()),
-                      default=0.0) if 'accel' in f else 0.0 for f in (fits, other_fits)]
-        for label in ('scale', 'cross_axis'):
-            of, other_of = (f[self.target].estimates.get(label, {}) for f in (fits, other_fits))
-            for name in of.keys() & other_of.keys():
+        both = fits[self.target], other_fits[self.target]
+        turned = [_off_axes(f['accel']) if 'accel' in f else 0.0 for f in (fits, other_fits)]
+        keys = both[0].details.keys
+        for k, i, j in elements(keys):
+            label, name = keys[k]
+            if name in both[1].estimates.get(label, {}):
                 x, y = (replace(e, ci95=None, std=e.std and float(np.hypot(
-                    e.std, angle if label == 'cross_axis' else angle**2 / 2)))
-                    for e, angle in zip((of[name], other_of[name]), turned))
+                    e.std, angle**2 / 2 if i == j else angle)))
+                    for e, angle in zip((f.estimates[label][name] for f in both), turned))
                 out[label, name] = f'{label}.{name}', x, y
         return out
 
@@ -321,6 +322,12 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
     residual = fit.details.residual.copy()
     residual[:, :turns.n] = miss.T
     return replace(fit, details=replace(fit.details, residual=residual))
+
+
+def _off_axes(fit: Fit) -> float:
+    """Return by what angle, rad, the axes of a calibrated accelerometer may be off."""
+    std = np.sqrt(np.diag(fit.details.cov))
+    return float(max((std[k] for k, i, j in elements(fit.details.keys) if i != j), default=0.0))
 
 
 def _hidden(turns, keys) -> np.ndarray:
