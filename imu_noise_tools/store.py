@@ -139,9 +139,7 @@ def study_to_dict(study: Study) -> dict:
             'source': study.source,
             'targets': {t: target_to_dict(study, t) for t in study.targets},
             'history': [step_to_dict(s) for s in study.history],
-            'diagnosis': {
-                t: diagnosis_to_dict(study.domain, t, d) for t, d in study.diagnosis.items()
-            },
+            'diagnosis': {t: diagnosis_to_dict(t, d) for t, d in study.diagnosis.items()},
         }
     )
 
@@ -230,8 +228,8 @@ def step_to_dict(s: Step) -> dict:
     return out
 
 
-def diagnosis_to_dict(domain: str, target: str, d: Diagnosis) -> dict:
-    """Return one diagnosis."""
+def diagnosis_to_dict(target: str, d: Diagnosis) -> dict:
+    """Return the diagnosis of a target as plain data."""
     return plain(
         {
             'verdict': d.verdict,

@@ -194,7 +194,7 @@ def test_a_choice_is_written_and_read_by_name():
     found = {'cutoff': Estimate(9.0, 0.1, (8.8, 9.2), 'Hz', point=9.0),
              'form': Estimate(index, None, None, '1', point=index)}
     d = Diagnosis('missing', (Finding('low_pass', 30.0, effect_, found, 4.0, probability=0.99),))
-    data = yaml.safe_load(store.dump_yaml(store.diagnosis_to_dict('noise', 'gyro_x', d)))
+    data = yaml.safe_load(store.dump_yaml(store.diagnosis_to_dict('gyro_x', d)))
     assert data['ranked'][0]['parameters']['form'] == {'value': 'moving_average'}
     assert store._diagnosis_of('noise', data).ranked[0].effect == effect_
     data['ranked'][0]['parameters']['form']['value'] = index

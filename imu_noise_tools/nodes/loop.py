@@ -86,7 +86,7 @@ class Loop:
         study = self._fresh()
         found = self._done(study, 'diagnose')
         self._changed(study)
-        return {'diagnosis': {t: diagnosis_to_dict(study.domain, t, d) for t, d in found.items()}}
+        return {'diagnosis': {t: diagnosis_to_dict(t, d) for t, d in found.items()}}
 
     def add_best(self) -> dict:
         """Put what the diagnosis names into the model; nothing missing is a success, too."""

@@ -109,7 +109,7 @@ class Results:
         for status in out[1:]:
             if status.name in judged and status.level == messages.OK:
                 found = messages.diagnosis(status.name, store.diagnosis_to_dict(
-                    'noise', status.name, judged[status.name]))
+                    status.name, judged[status.name]))
                 status.level, status.message = found.level, found.message
         return out
 

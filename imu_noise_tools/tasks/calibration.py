@@ -258,8 +258,8 @@ def as_dict(study: Study) -> dict:
 def _part(study, target):
     """Return what calibration.yaml holds of one sensor."""
     found = study.diagnosis.get(target)
-    return {**core.as_dict(core.of_study(study, target)), 'diagnosis': store.diagnosis_to_dict(
-        'calibration', target, found) if found else {}}
+    return {**core.as_dict(core.of_study(study, target)),
+            'diagnosis': store.diagnosis_to_dict(target, found) if found else {}}
 
 
 def outputs(study: Study, folder: str | Path | None = None) -> dict[str, str | bytes]:
