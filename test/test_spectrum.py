@@ -269,7 +269,7 @@ def test_what_leaks_is_linear_and_the_same_in_blocks_as_in_one_matrix(n, monkeyp
     for j in range(3):
         more = spectrum.leaked(v + 1e-3 * changes[:, j], b) - at_once[0]
         np.testing.assert_allclose(at_once[1][some, j], 1e3 * more[some], rtol=1e-6, atol=1e-12)
-    monkeypatch.setattr(spectrum, 'BLOCKS', 1)
+    monkeypatch.setattr(spectrum, 'ROW_BLOCKS', 1)
     spectrum._leakage.cache_clear()
     try:
         np.testing.assert_allclose(spectrum.leaked(v, b, changes), at_once[1], rtol=1e-9,

@@ -24,7 +24,7 @@ from scipy.special import digamma
 SINGLE = 256  # coefficients kept one by one
 PER_DECADE = 40  # bins a decade above
 LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
-BLOCKS = 4  # of a triangle, which hold little of its empty half
+ROW_BLOCKS = 4  # of a triangle, which hold little of its empty half
 CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
 
 
@@ -247,7 +247,7 @@ def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[list[np.ndarra
     w[:CORRECTED] = 0.0  # their window is integrated as it is
     blocks = [np.ascontiguousarray(
         rows[:, :1 + int(np.max(np.flatnonzero(rows.any(axis=0)), initial=-1))])
-        for rows in np.array_split(w, BLOCKS)]
+        for rows in np.array_split(w, ROW_BLOCKS)]
     return blocks, w.sum(axis=1)
 
 

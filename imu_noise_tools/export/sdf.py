@@ -28,7 +28,7 @@ PLACES = (
 )
 DESCRIPTION = 'Gazebo SDF <imu> noise block: stddev (N sqrt f), dynamic_bias_stddev (K)'
 CORRELATION_S = 3600.0      # the one that the SDF specification names as typical
-PARTS = (('angular_velocity', 'gyro'), ('linear_acceleration', 'accel'))
+ELEMENTS = (('angular_velocity', 'gyro'), ('linear_acceleration', 'accel'))
 
 
 def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
@@ -39,7 +39,7 @@ def text(study: Study, axes: str = 'worst', inflate: float = 1.0,
                          'dynamic_bias_stddev is K, with a correlation time that hardly ends it')
     comment = '\n'.join(escape(s).replace('--', '- -') for s in said)
     out = f'<!--\n{comment}\n-->\n<imu>\n'
-    for name, sensor in PARTS:
+    for name, sensor in ELEMENTS:
         if sensor not in numbers.sensors:
             continue
         out += f'  <{name}>\n'

@@ -22,7 +22,7 @@ from ..core.statistics import gamma_excess, gamma_pull, normal_pull
 from ..loop.effect import Finding, Score, View
 
 LAGS = 20               # of the Ljung-Box test
-BLOCKS = 32             # of the test for a change in time
+VARIANCE_BLOCKS = 32    # of the test for a change in time
 CLASSES = 32            # of the distribution
 # nats a sample that the bank for any motion loses on motions that none of its modes is, by view:
 # the most of `python bench/filter.py coarse`
@@ -128,7 +128,7 @@ def time_view(u: np.ndarray, dt: float) -> View:
     Its excess is within the others', so it counts for nothing.
 
     """
-    size = max(1, len(u) // BLOCKS)
+    size = max(1, len(u) // VARIANCE_BLOCKS)
     count = len(u) // size
     level = np.mean(u[:count * size].reshape(count, size) ** 2, axis=1)
     pull = (np.cbrt(level) - (1 - 2 / (9 * size))) / np.sqrt(2 / (9 * size))

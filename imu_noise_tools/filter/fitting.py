@@ -20,7 +20,7 @@ from ..loop.effect import Effect, Estimate, Model
 
 NULL = CHI2_95 / 2      # nats: an amplitude that loses less by going to zero is not observable
 LIMIT = CHI2_90 / 2     # nats, for a one-sided 95 % limit
-PARTS = 0.25            # of the series, where a climb is far from the top
+PARTS_SHARE = 0.25      # of the series, where a climb is far from the top
 STENCIL = 0.3           # of the first move of a parameter: how far apart a curvature is read
 WIDER = 2.0             # times that, at first
 REACH = 3.0             # first moves that a step of a climb goes at most
@@ -68,7 +68,7 @@ class Likelihood:
 
     def parts(self) -> Likelihood:
         """Return what models by chunks are likely to have, from parts of the series."""
-        return Likelihood(self.z, self.dt, self.alpha, self.chunks, PARTS)
+        return Likelihood(self.z, self.dt, self.alpha, self.chunks, PARTS_SHARE)
 
     def exactly(self, models: list[Model]) -> list[float]:
         """Return the log-likelihood of each of models by chunks, begun each with its own."""

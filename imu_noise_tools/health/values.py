@@ -15,7 +15,7 @@ from ..core.stillness import finite_mean
 from ..core.units import ACCEL_UNITS
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
-PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
+CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
 FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
 SLOWEST_HZ = 0.95       # no IMU is recorded more slowly, nor faster than the fastest
@@ -108,7 +108,7 @@ def _likely_accel(g: float, rate_hz: float) -> str:
 
 def _calmest(data: np.ndarray) -> float:
     """Return the scatter of the noisiest axis (n, 3) in the part in which that is least."""
-    parts = [x for x in np.array_split(data, PARTS) if len(x) >= FEWEST] or [data]
+    parts = [x for x in np.array_split(data, CALM_PARTS) if len(x) >= FEWEST] or [data]
     return min(float(np.max(_scatter(x))) for x in parts)
 
 

@@ -12,7 +12,7 @@ on less than 1e-4 of a line leaks.
 
 import numpy as np
 
-BLOCKS = 256
+POWER_BLOCKS = 256  # of a record, at most
 BANDS = 20
 SHORTEST = 64  # samples of a block, where a record is short
 FIRST = 3  # ordinate at which the lowest band begins
@@ -56,7 +56,7 @@ def block_power(y: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
 
     """
     n = len(y)
-    blocks = int(np.clip(n // SHORTEST, 4, BLOCKS))
+    blocks = int(np.clip(n // SHORTEST, 4, POWER_BLOCKS))
     length = n // blocks
     window = taper(length)
     # the ordinate at Nyquist is real: half as much

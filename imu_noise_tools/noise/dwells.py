@@ -23,7 +23,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from ..core.statistics import means_of_blocks
 from ..loop.verdict import FLEXIBLE
 
-_BLOCKS = 1024  # block means that are followed
+_FOLLOWED = 1024  # block means that are followed
 _ROWS = 4  # stretches of them, side by side: each is as long as many dwells
 _FEWEST = 32  # blocks of a stretch at least
 SHORTEST = 12  # blocks of a dwell: of shorter ones most are neither in one level nor the other
@@ -63,7 +63,7 @@ class Levels(NamedTuple):
 
 def two_levels(y: np.ndarray, duration: float) -> Levels | None:
     """Return the levels of means (n,) that fill a record, s; None where none are clear."""
-    count = len(y) // max(1, len(y) // _BLOCKS)
+    count = len(y) // max(1, len(y) // _FOLLOWED)
     per = len(y) // count
     z = y[:count * per].reshape(count, per).mean(axis=1)
     long = count // _ROWS

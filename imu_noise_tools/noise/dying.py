@@ -15,7 +15,7 @@ import numpy as np
 
 CELLS = 48  # at least, in which the power is looked at, unless there are fewer samples
 LENGTHS = 14  # time constants that are tried, half a cell to all of them
-PARTS = 8  # of what is at one level: free levels that say whether it is
+FREE_LEVELS = 8  # of parts of what is at one level, which say whether it is
 TURNS = 4  # in which levels and course are found
 STEPS = 8  # of Fisher's scoring
 
@@ -43,7 +43,7 @@ def lasting(w: np.ndarray) -> tuple[float, float, int]:
     count = len(w) // degrees
     power = np.mean(w[:count * degrees].reshape(count, degrees) ** 2, axis=1)
     gain, inside = _of_one_level(power, degrees)
-    parts = [x for x in np.array_split(power[inside], PARTS) if len(x)]
+    parts = [x for x in np.array_split(power[inside], FREE_LEVELS) if len(x)]
     free = 0.5 * degrees * (_log_mean(power[inside]) - sum(_log_mean(x) for x in parts))
     return gain - _of_dying(power, degrees), free, len(parts) - 1
 

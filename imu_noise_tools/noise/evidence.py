@@ -39,7 +39,7 @@ QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for
 REMEMBERED = 1 << 23  # numbers (64 MB) of a record that are not worked out again and again
 ALIKE = 4.0     # times the width of another band, up to which it may be the same
 FAINT = 14.0  # standard deviations of a line that does not show in the distribution
-PARTS = ('whole', 'first', 'second')
+PART_NAMES = ('whole', 'first', 'second')
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class Evidence:
     _steadier: dict = field(default_factory=dict, init=False, repr=False, compare=False)
     #: what effects put into the bins of a part, for the likelihoods of all models
     units: Mapping[str, Anew] = field(
-        default_factory=lambda: {part: Anew() for part in PARTS}, init=False, repr=False,
+        default_factory=lambda: {part: Anew() for part in PART_NAMES}, init=False, repr=False,
         compare=False)
 
     @property
@@ -650,7 +650,7 @@ def _one_from_arrays(axis, flat, common):
             tuple(flat[f'{p}/fine'].tolist()),
             flat.get(f'{p}/quiet', np.zeros((0, 0))),
         )
-        for p in PARTS
+        for p in PART_NAMES
     }
     curve = _below(flat, 'curve')
     curve = allan.AllanCurve(

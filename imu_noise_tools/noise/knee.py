@@ -22,7 +22,7 @@ MIDDLE = 0.01   # of the sample rate: where the level is read
 STEEP = (-0.5, 0.35, 0.7, 1.5)    # to start from
 STEEPEST = 4.0
 KNOTS = 8       # free levels of a smooth form
-BLOCKS = 256    # of the record, of which the logarithm of time resolves the first
+CREEP_BLOCKS = 256    # of the record, of which the logarithm of time resolves the first
 
 
 def slow_cosines(u: np.ndarray, blocks: int, logarithm: bool) -> np.ndarray:
@@ -72,4 +72,4 @@ class SlowMean(Mean):
     def columns(self, inputs: Inputs, of: float = 0.0) -> np.ndarray:
         """Return them (n, KNOTS)."""
         u = (inputs.t - inputs.t[0]) / (inputs.t[-1] - inputs.t[0])
-        return slow_cosines(u, BLOCKS, bool(of))
+        return slow_cosines(u, CREEP_BLOCKS, bool(of))

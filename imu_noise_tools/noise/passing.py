@@ -18,7 +18,7 @@ import numpy as np
 from ..core.spectrum import line_basis
 from ..loop.verdict import DIRECTED
 
-BLOCKS = 64     # of the record, by which a stretch is first looked for
+SCAN_BLOCKS = 64    # of the record, by which a stretch is first looked for
 SHORTEST = 2    # of them for which it is looked for at least, and it may last half as long
 WIDE = 128      # coefficients on either side of it that tell it
 WIDEST = 1 << 14    # and of a strong one, whose edges leak far
@@ -46,12 +46,12 @@ def in_part(lines: np.ndarray, n: int) -> np.ndarray:
 
 def shortest(n: int) -> int:
     """Return how many samples it lasts at least: one that is as short may be shorter."""
-    return SHORTEST * n // (2 * BLOCKS)
+    return SHORTEST * n // (2 * SCAN_BLOCKS)
 
 
 def searched() -> float:
     """Return the nats that chance gains by all stretches that are looked at."""
-    return float(np.log(BLOCKS * (BLOCKS - SHORTEST) / 2))
+    return float(np.log(SCAN_BLOCKS * (SCAN_BLOCKS - SHORTEST) / 2))
 
 
 def likeliest(frequency: float, c: np.ndarray, reference: np.ndarray, dt: float) -> Passing:
@@ -109,13 +109,13 @@ def _roughly(frequency: float, c, reference, dt: float) -> Passing:
     """Return the likeliest stretch of whole blocks, from sums over the blocks before it."""
     n = len(c)
     k, root, y = _some(frequency, c, reference, dt, WIDE)
-    ends = np.linspace(0, n, BLOCKS + 1).astype(int)
+    ends = np.linspace(0, n, SCAN_BLOCKS + 1).astype(int)
     until = root * line_basis(frequency, k, n, dt, 0, ends[1:, None])
     block = np.diff(until.conj() @ y, prepend=0.0)
     middle = 0.5 * (ends[1:] + ends[:-1]) / n
     turned = block * np.exp(-2j * np.pi * OFF[:, None] * middle)
     total = np.concatenate([np.zeros((len(OFF), 1)), np.cumsum(turned, axis=1)], axis=1)
-    i, j = np.triu_indices(BLOCKS + 1, SHORTEST)
+    i, j = np.triu_indices(SCAN_BLOCKS + 1, SHORTEST)
     energy = np.abs(total[:, j] - total[:, i]) ** 2 / (ends[j] - ends[i])
     off, best = np.unravel_index(int(np.argmax(energy)), energy.shape)
     return Passing(float(frequency + OFF[off] / (n * dt)), 0.0, 0.0, 0.0,
@@ -136,7 +136,7 @@ def _closer(line: Passing, c, reference, dt: float, wide: int) -> Passing:
                        int(begin[i, 0]), int(end[i, 0]))
 
     least = shortest(n)
-    edge, cell = n / BLOCKS, 0.25 / (n * dt)
+    edge, cell = n / SCAN_BLOCKS, 0.25 / (n * dt)
     while edge > 0.3:
         f, _, _, _, begin, end = line
         line = best(f + cell * GRID[:, None], begin, end)

@@ -16,9 +16,9 @@ from scipy.special import ndtr
 
 from ..core.statistics import grid_gain
 
-BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
+MOST_BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
 SPANNED = 0.577  # steps of noise, after the rounding, that are half a step before it
-PARTS = 8  # of a record, in which noise may be less than in all of it
+QUIET_PARTS = 8  # of a record, in which noise may be less than in all of it
 PIECES = 8  # of a block, over which its mean may move evenly
 REACH = 8  # levels on either side of a block's middle one; what is beyond counts as there
 LOW, HIGH = 0.05, 5.0  # steps between which the noise is looked for
@@ -63,7 +63,7 @@ def moved_by_rounding(step: float, sigma: float, blocks: np.ndarray) -> float:
     """
     if not coarse(step, sigma):
         return 0.0
-    parts = (np.array_split(x, min(PARTS, blocks.shape[1])) for x in blocks) \
+    parts = (np.array_split(x, min(QUIET_PARTS, blocks.shape[1])) for x in blocks) \
         if blocks.size else ([], [])
     least = min((np.average(v, weights=w) for v, w in zip(*parts) if np.sum(w) > 0), default=1.0)
     before = max(least * (sigma**2 - step**2 / 12), 0.0)
@@ -187,7 +187,7 @@ def turns_of_counts(y: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]
 
     """
     count = np.rint((y[:MANY] - y[0]) / step)
-    length = max(len(count) // BLOCKS, LENGTH)
+    length = max(len(count) // MOST_BLOCKS, LENGTH)
     while length <= len(count):
         turned, mean = _turned_after(count[:len(count) // length * length].reshape(-1, length))
         if turned[-1] > GONE:
@@ -284,7 +284,7 @@ def _powers(place: np.ndarray) -> np.ndarray:
 
 def _counted(y: np.ndarray, step: float) -> np.ndarray:
     """Return how many samples are on each level about a block's own, (blocks, pieces, levels)."""
-    blocks = int(np.clip(len(y) // LENGTH, 4, BLOCKS))
+    blocks = int(np.clip(len(y) // LENGTH, 4, MOST_BLOCKS))
     values, often = np.unique(y[:200_000], return_counts=True)
     level = np.rint((y - values[np.argmax(often)]) / step)
     piece = np.arange(len(y)) * (blocks * PIECES) // len(y)

@@ -26,7 +26,7 @@ TEMPERATURE, COURSE = 'temperature', 'course'    # the covariate, and what axes 
 LEADS, LAGS = 12, 20    # starts of either sign
 SMOOTHED = (1, 2, 4, 8, 16)     # parts of a lead by which a thermometer is smoothed for it
 POWERS = 3
-BLOCKS = 4096           # block means in which axes are compared with the thermometer
+COMPARED_MEANS = 4096   # block means in which axes are compared with the thermometer
 FEWEST, MOST = 16, 256  # coefficients that tell whether an axis follows it
 CHANCE = 1e-3           # records in which an axis seems to
 NEAR = 0.2              # of a frequency, and coefficients, over which a level is read
@@ -311,8 +311,8 @@ def _share(shown: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _coarse(x: np.ndarray) -> np.ndarray:
-    """Return means of neighbours, at least BLOCKS where there are as many."""
-    return means_of_blocks(x, max(1, len(x) // BLOCKS))
+    """Return means of neighbours, at least COMPARED_MEANS where there are as many."""
+    return means_of_blocks(x, max(1, len(x) // COMPARED_MEANS))
 
 
 def _less(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
