@@ -339,6 +339,22 @@ def test_nobody_asks_for_a_member_by_its_name(sources):
                 if isinstance(n, ast.Call) and getattr(n.func, 'id', '') in ('getattr', 'hasattr')]
 
 
+def branches(source):
+    """Yield places that ask whether a domain is a certain one."""
+    words = {ast.Attribute: 'attr', ast.Name: 'id', ast.Constant: 'value'}
+    for n in (n for n in source.nodes if isinstance(n, ast.Compare)):
+        said = {getattr(x, words[type(x)]) for x in ast.walk(n) if type(x) in words}
+        if 'domain' in said and said & {*DOMAINS}:
+            yield source.at(n.lineno)
+
+
+def test_nobody_goes_by_the_name_of_a_domain(sources):
+    """What is its own, a domain says; tasks of one alone refuse the studies of the others."""
+    text = 'a.domain == "noise"\nb["domain"] in ("filter", x)\na.domain != b.domain\n'
+    assert len(list(branches(Source(PACKAGE / 'cli' / 'bad.py', text)))) == 2
+    assert not [x for s in sources if s.layer != 'tasks' for x in branches(s)]
+
+
 # Where a string that is the name of an effect may stand outside the file of that effect, and why.
 NAMED = {
     'noise/effects/drift.py': 'a feature of the mean that a ramp explains as well',

@@ -26,6 +26,7 @@ from .turns import REFERENCE, refuse_missing_axes, turns
 
 TITLE = 'Calibration of an IMU'
 NUMBERS = ''        # the format whose numbers open the page about a study
+UNDISTURBED = 'Nothing stands out of its noise.'
 NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a recording'),)
 
 __all__ = [
@@ -35,4 +36,4 @@ __all__ = [
     'HOLD_S', 'is_heated', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
     'offset_of', 'ols', 'Poses', 'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes',
     'refuse_missing_axes', 'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S',
-    'TITLE', 'together', 'too_short', 'Turns', 'turns', 'TurnsProblem']
+    'TITLE', 'together', 'too_short', 'Turns', 'turns', 'TurnsProblem', 'UNDISTURBED']

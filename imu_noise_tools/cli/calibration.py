@@ -122,16 +122,16 @@ def _show(c: Any, data: Any, source: Any) -> None:
     print(f'  {found["verdict"]}: {found["advice"]}')
 
 
-def show_solved(folder: str, sensors: Collection[str] = ('accel', 'gyro')) -> None:
-    """Print S and bias of some sensors as the calibration.yaml of a study's folder has them."""
+def solved(folder: str, targets: Collection[str]) -> str:
+    """Return S and bias of some sensors as the calibration.yaml of a study's folder has them."""
     from ..core.errors import InputError
     from ..tasks import calibration as tasks
 
     file = Path(folder) / tasks.FILE
     try:
-        for data in tasks.sensors_of(file) if file.is_file() else ():
-            if data['sensor'] in sensors:
-                print(f'{data["sensor"]}:\n{_solved(data)}')
+        return '\n'.join(f'{data["sensor"]}:\n{_solved(data)}'
+                         for data in (tasks.sensors_of(file) if file.is_file() else ())
+                         if data['sensor'] in targets)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise InputError(f'{file}: not a calibration ({type(error).__name__}: {error})',
                          'calibrate again with --force') from None

@@ -234,11 +234,16 @@ def _print_steps(args, study, steps):
         )
     elif steps:
         print(terminal.steps(study, steps, si=args.si))
-        if study.domain == 'calibration':
-            from .calibration import show_solved
-            show_solved(args.dir, {s.target for s in steps})
+        _print_solved(args, study.domain, {s.target for s in steps})
     else:
         print('nothing is missing that the diagnosis can name: no effect added')
+
+
+def _print_solved(args, domain, targets):
+    from ..loop.domains import part
+
+    if said := part('cli', domain).solved(args.dir, targets):
+        print(said)
 
 
 def add(args: argparse.Namespace) -> int:
@@ -281,9 +286,7 @@ def history(args: argparse.Namespace) -> int:
         common.print_json({'history': data.get('history') or []})
     else:
         print(terminal.history(store.history_of(data)))
-        if data['domain'] == 'calibration':
-            from .calibration import show_solved
-            show_solved(args.dir)
+        _print_solved(args, data['domain'], data['targets'])
     return 0
 
 

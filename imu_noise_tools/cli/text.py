@@ -63,7 +63,7 @@ def effect(cls: type[Effect]) -> str:
     ]
     if kinds:
         out.append(f'kind: {", ".join(kinds)}')
-    if cls.domain == 'noise' and 'Spectrum' in kinds:
+    if 'Spectrum' in kinds:
         out += ['', *sketch(cls.example())]
     return '\n'.join(out)
 

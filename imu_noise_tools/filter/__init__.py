@@ -18,8 +18,9 @@ from .statespace import Block, FilterEffect, Look, Motion, nothing, OutputNoise
 
 TITLE = 'Innovations of a filter'
 NUMBERS = ''        # the format whose numbers open the page about a study
+UNDISTURBED = 'Nothing stands out of its noise.'
 NEXT = ()
 
 __all__ = ['arrays_of', 'Block', 'ConstantRate', 'FilterEffect', 'FilterProblem', 'Look', 'Motion',
            'NEXT', 'noise_blocks', 'nothing', 'Oscillation', 'oscillator', 'OutputNoise',
-           'problem_of', 'problems', 'TITLE']
+           'problem_of', 'problems', 'TITLE', 'UNDISTURBED']

@@ -10,16 +10,19 @@ effects are known however the question came. Its face is
 ``problems(arrays)``, ``arrays_of(problems)``
     its targets (:class:`~imu_noise_tools.loop.problem.Problem`) from the arrays of evidence.npz,
     and back;
-``TITLE``, ``NEXT``, ``NUMBERS``
+``TITLE``, ``NEXT``, ``NUMBERS``, ``UNDISTURBED``
     of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder; the
-    format of export whose numbers open the page, empty where it has none to export;
+    format of export whose numbers open the page, empty where it has none to export; what is said
+    of a recording that nothing is wrong with;
 
 and, since imports run one way, functions in the module of its name in the layers above it:
 
 ``part('plots', name).pictures(study, full)``, ``part('tasks', name).outputs(study, folder)``
     its pictures as PNG bytes by name (some targets in full), and all of its files by name;
 ``part('explore', name).panels(state)``, ``by_hand(state)``
-    what can be looked at of a target, and which effects can be put into its model by hand.
+    what can be looked at of a target, and which effects can be put into its model by hand;
+``part('cli', name).solved(folder, targets)``
+    what is printed after a change beside the coefficients, or nothing.
 
 """
 

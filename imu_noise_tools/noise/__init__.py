@@ -26,6 +26,8 @@ from .stated import arrays_of, problems
 
 TITLE = 'Noise of an IMU at rest'
 NUMBERS = 'kalibr'        # the format whose numbers open the page about a study
+UNDISTURBED = ('Nothing stands out of its noise, such as a knock on several axes at once. What is '
+               'fainter, or goes on for long, the diagnosis of each axis names.')
 NEXT = (('imu_noise export {study} --format kalibr -o imu.yaml',
          'writes the numbers for an estimator'),)
 
@@ -44,6 +46,7 @@ __all__ = [
     'Response',
     'Spectrum',
     'TITLE',
+    'UNDISTURBED',
     'arrays_of',
     'effects',
     'problems',

@@ -114,11 +114,7 @@ def _recording(study: Study) -> str:
     out = '<h2>The recording</h2>' + f'<p>{escape(words.recording_in_words(study.source))}</p>'
     if said:
         return out + f'<div class="warn">{bullets(escape(str(w)) for w in said)}</div>'
-    said = 'Nothing stands out of its noise'
-    more = ('' if study.domain != 'noise' else
-            ', such as a knock on several axes at once. What is fainter, or goes on for long, the '
-            'diagnosis of each axis names')
-    return out + f'<p>{badge(f"{said}{more}.", "good")}</p>'
+    return out + f'<p>{badge(package(study.domain).UNDISTURBED, "good")}</p>'
 
 
 def _bold(text: str) -> str:
