@@ -458,14 +458,22 @@ class Session(core.Session):
         super().__init__(*args, **options)
         self._study: Study | None = None
         self._loaded: tuple[core.Correction, ...] = ()
-        #: what samples come in, by sensor, where the file that was loaded says that it is not SI
-        self.input_unit: dict[str, str] = {}
+        self.input_unit = {}
+
+    @property
+    def input_unit(self) -> dict[str, str]:
+        """Unit of the samples by sensor, where it is not SI: as the file that was loaded says."""
+        return dict(self._input_unit)
+
+    @input_unit.setter
+    def input_unit(self, units: Mapping[str, str]) -> None:
+        self._input_unit = dict(units)
+        self._factor = {s: INPUT[s][units.get(s, SI[s])] for s in SI}
 
     def in_si(self, gyro: Any, accel: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return (gyro, accel), (3,) or (n, 3) each, in SI: they come in ``input_unit``."""
-        factor = {s: INPUT[s][self.input_unit.get(s, SI[s])] for s in SI}
-        return (np.multiply(gyro, factor['gyro'], dtype=float),
-                np.multiply(accel, factor['accel'], dtype=float))
+        return (np.multiply(gyro, self._factor['gyro'], dtype=float),
+                np.multiply(accel, self._factor['accel'], dtype=float))
 
     def feed(
         self, stamp_s: float, gyro: Any, accel: Any, temperature: float | None = None
@@ -476,7 +484,7 @@ class Session(core.Session):
     def solve(self) -> core.Calibration:
         """Solve the poses captured so far, and begin a study of them."""
         solved = super().solve()
-        source = {'gravity': self.gravity, 'input_unit': dict(self.input_unit),
+        source = {'gravity': self.gravity, 'input_unit': self.input_unit,
                   'notes': list(solved.notes),
                   'warnings': list(solved.warnings)}
         if self.gyro is not None:
