@@ -22,7 +22,7 @@ from .columns import Columns, columns_of
 from .container import AT_LEAST, EXPANSION
 from .fields import Fields
 from .source import _refuse_what_cannot_be_read
-from ..core.clock import regular_rate
+from ..core.clock import regular_rate, STAMPED_HZ
 from ..core.errors import InputError, UsageError
 from ..core.record import AXES, ImuRecord, SENSORS
 
@@ -37,7 +37,6 @@ CSV_COLUMNS = (
 SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
 NOW = (0.9e9, 5e9)
 LONGEST_STEP = 1000.0   # s from stamp to stamp that an IMU may have
-STAMPED_HZ = (1.0, 2e4)     # rates that stamps in s give; others are in another unit
 CONTRADICTS = 0.01          # more than the clock of a stamp is off
 
 

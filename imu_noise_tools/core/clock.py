@@ -37,6 +37,7 @@ WHOLE = 0.3             # a step this near to a whole number of intervals is a l
 MANY = 200              # of so many lost in a row the exact number matters no more
 LEVELS = 512            # of which the rate is fitted
 MANY_STEPS = 500_000    # tell a first rate well enough
+STAMPED_HZ = (0.95, 2e4)    # rates that stamps of an IMU in s give; others are in another unit
 LONG_GAP_S = 1.0        # a gap of so long (and of ten samples) is a pause of the stream
 
 

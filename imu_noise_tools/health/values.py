@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..core.clipped import ends_in_words
+from ..core.clock import STAMPED_HZ
 from ..core.record import AXES, ImuRecord, sensor_of
 from ..core.stillness import finite_mean
 from ..core.units import ACCEL_UNITS
@@ -18,8 +19,7 @@ LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1
 CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
 FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
-SLOWEST_HZ = 0.95       # no IMU is recorded more slowly, nor faster than the fastest
-PLAUSIBLE_HZ = 5.0, 5000.0
+PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit than s
 HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
 
 
@@ -140,7 +140,9 @@ def too_fast(record: ImuRecord) -> list[str]:
             'deg/s, use --gyro-unit deg/s']
 
 
-def unit_of_stamps(rate_hz: float | None, slowest: float = SLOWEST_HZ) -> tuple[str, str] | None:
+def unit_of_stamps(
+    rate_hz: float | None, slowest: float = STAMPED_HZ[0]
+) -> tuple[str, str] | None:
     """
     Return (what is wrong, remedy) where stamps taken for seconds give a rate that no IMU has.
 
