@@ -200,8 +200,6 @@ class Fit:
         The shrunk level of each record's unit and axis, and its standard error.
     dof : array (p,)
         Degrees of freedom of each fixed effect.
-    loglik : float
-        Restricted log-likelihood.
 
     """
 
@@ -217,7 +215,6 @@ class Fit:
     level: Array
     level_std: Array
     dof: Array
-    loglik: float
 
     def interval(self, k: int, level: float = 0.95) -> tuple[float, float]:
         """Return the interval of a fixed effect, by Student's t."""
@@ -398,8 +395,7 @@ def fit(data: Sample) -> Fit:
     level_var = np.sum(weight * (variances + (means - level) ** 2), axis=0)
     size = found['b'] / found['a']
     return Fit(found['beta'], cov, tau, omega, rho, found['out'], tuple(some.directions), size,
-               found['a'] ** -0.5, level, np.sqrt(level_var), _dof(some, found, cov),
-               found['value'])
+               found['a'] ** -0.5, level, np.sqrt(level_var), _dof(some, found, cov))
 
 
 def _thinned(data: Sample) -> Sample:

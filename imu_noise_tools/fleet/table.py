@@ -26,8 +26,6 @@ from .inputs import Bag, DATE
 from ..core import files
 from ..core.errors import InputError
 
-TEXT = ('unit', 'model', 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'si', 'verdict',
-        'key', 'error')
 NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', *SQUARE, 'held_out', 'gain', 'penalty',
            'probability', 'rate_hz', 'duration_s')
 FACTORS = ('firmware', 'mount', DATE)
