@@ -85,6 +85,8 @@ def in_words(way: np.ndarray) -> str:
     """
     Return which axes are wrong, given what turns the gyroscope's rates into the accelerometer's.
 
+    ``way`` (3, 3) is that, a signed permutation.
+
     A rate is an axial vector: an accelerometer whose axes are mapped by F makes it det(F) F w. So
     a mirror of the gyroscope is the gyroscope's alone, and a proper ``way`` may be a mirror of
     the accelerometer, -way, or a turn of either: what changes fewer axes is said first.

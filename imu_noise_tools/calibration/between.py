@@ -102,7 +102,7 @@ class Turns:
                         names=[''] * len(self.gyro))
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Return everything but the rests as plain arrays, for an npz file."""
+        """Return all but the rests as plain arrays by name, for an npz file; shapes as above."""
         return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS, 'hidden')}
 
     @classmethod

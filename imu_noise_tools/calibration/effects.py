@@ -68,11 +68,11 @@ class Regressor(CalibrationEffect):
         return tuple(p for p in self.parameters if p.name != self.placed)
 
     def columns(self, poses: Poses) -> np.ndarray:
-        """Return the rows of I, (rows, n), for the mean input of each pose."""
+        """Return the rows of I, (rows, n), for the mean input (SI) of each pose."""
         raise NotImplementedError
 
     def places(self, poses: Poses) -> np.ndarray:
-        """Return the values to be tried of the parameter with which it is placed, rising."""
+        """Return the values (k,) to be tried of the parameter with which it is placed, rising."""
         return np.zeros(0)
 
     def terms(self, poses: Poses, scale: np.ndarray) -> np.ndarray:
@@ -98,11 +98,11 @@ class Scatter(CalibrationEffect):
         return next(iter(self.values.values()), 0.0)
 
     def bounds(self, poses: Poses, scale: np.ndarray) -> tuple[float, float]:
-        """Return the range in which its amplitude is looked for."""
+        """Return the range in which its amplitude is looked for; scale (3, 3) is S."""
         return self.parameters[0].lower, self.parameters[0].upper
 
     def covariance(self, poses: Poses, scale: np.ndarray, amplitude: float) -> np.ndarray:
-        """Return the covariance of each pose's outputs, (n, 3, 3)."""
+        """Return the covariance of each pose's outputs, (n, 3, 3), SI^2; scale (3, 3) is S."""
         raise NotImplementedError
 
 

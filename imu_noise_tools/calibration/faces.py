@@ -215,7 +215,7 @@ def next_pose(directions: np.ndarray) -> str:
     Return in words the pose that would add most: which way up, and what it would let be told.
 
     Of faces, edges and corners the one that most improves the worst known combination of scale
-    factors, biases and skew of the axes.
+    factors, biases and skew of the axes, beside poses of these directions (3, n), of length one.
 
     """
     best, gained = '', 0.0

@@ -218,7 +218,7 @@ class LeftOut:
 
     @property
     def pulls(self) -> np.ndarray:
-        """Errors over their standard deviations: standard normal under a true model."""
+        """Errors over their standard deviations, (k,): standard normal under a true model."""
         return np.concatenate([e / np.sqrt(v) for e, v in zip(self.error, self.variance)])
 
     @property
@@ -295,7 +295,12 @@ def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
 def whitener_of(
     poses: Poses, cov: np.ndarray, scale: np.ndarray, free_direction: bool
 ) -> tuple[np.ndarray, float]:
-    """Return the whitener (n, r, 3) and the log-determinant of what it takes away."""
+    """
+    Return the whitener (n, r, 3) and the log-determinant of what it takes away.
+
+    Of covariances (n, 3, 3) around scale (3, 3); raise FitError where these are none.
+
+    """
     if free_direction:
         # gradient of |S^-1 (o - b)|
         w = np.linalg.solve(scale.T, unit(poses.inputs)).T
@@ -318,7 +323,7 @@ def whitened(whitener: np.ndarray, terms: np.ndarray) -> np.ndarray:
 def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method: str,
               before: bool = True) -> tuple[Equations, float]:
     """
-    Return the whitened equations around S = scale, and the log-determinant taken away.
+    Return the whitened equations around S = scale (3, 3), and the log-determinant taken away.
 
     ``before`` puts what is known without any pose in front, where the method knows something.
 

@@ -123,7 +123,7 @@ class Poses:
         return replace(self, inputs=np.asarray(inputs, float))
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Return everything as plain arrays, for an npz file."""
+        """Return all fields as plain arrays by name, for an npz file; shapes as above."""
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
@@ -147,7 +147,7 @@ def joined(parts: Sequence[Poses]) -> Poses:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Return columns scaled to length one; a column of zeros stays."""
+    """Return vectors (3, n) scaled to length one, (3, n); a column of zeros stays."""
     length = np.linalg.norm(vectors, axis=0)
     return vectors / np.where(length > 0, length, 1.0)
 

@@ -55,7 +55,7 @@ class Rest:
         return self.pieces[-1][1]
 
     def samples(self) -> np.ndarray:
-        """Return the indices that are used."""
+        """Return the indices of the samples that are used, (k,) int."""
         return np.concatenate([np.arange(a, b) for a, b in self.pieces])
 
 
@@ -336,7 +336,12 @@ def hidden(data: np.ndarray, found: list[Rest]) -> np.ndarray:
 
 
 def coarse(sensor: str, data: np.ndarray, found: list[Rest], rate_hz: float) -> list[str]:
-    """Say whose resolution limits the means at rest: it hides more than their noise does."""
+    """
+    Say whose resolution limits the means at rest: it hides more than their noise does.
+
+    Of samples ``data`` (n, 3), m/s^2 or rad/s, and the rests found in them.
+
+    """
     least = hidden(data, found)
     limits = least > np.median(scatter_errors(data, found, rate_hz), axis=1)
     if not limits.any():
@@ -427,7 +432,7 @@ def temperatures(record: ImuRecord, found: list[Rest]) -> Any:
 
 
 def check_unit(outputs: np.ndarray, gravity: float) -> None:
-    """Raise InputError where readings at rest cannot be m/s^2."""
+    """Raise InputError where readings at rest (3, n) cannot be m/s^2, as gravity is."""
     size = float(np.median(np.linalg.norm(outputs, axis=0)))
     if 0.7 < size / gravity < 1.3:
         return

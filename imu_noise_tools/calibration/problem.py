@@ -228,7 +228,7 @@ class CalibrationProblem(Problem):
         return float(chdtrc(system.dof / ratio, system.chi2 / ratio)) if system.dof else 1.0
 
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
-        """Return the whitened columns that an effect would add to a fit's equations."""
+        """Return the whitened columns, (k, p), that an effect would add to a fit's k equations."""
         system, poses = fit.details.equations, self.poses.with_inputs(fit.details.inputs)
         return whitened(system.whitener, effect.terms(poses, fit.details.scale))
 
@@ -483,7 +483,7 @@ class CalibrationProblem(Problem):
         return advise(self, verdict, ranked, failed)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Return everything as plain arrays, for an npz file."""
+        """Return everything as plain arrays by name, for an npz file: the poses' and more."""
         return {**self.poses.to_arrays(), 'method': np.asarray(self.method),
                 'tilt': np.asarray(self.tilt)}
 
@@ -530,7 +530,7 @@ def _said(gain: float, rank: int, effect: Regressor | Scatter) -> str:
 
 
 def score_of(time: Any, pull: np.ndarray, std: Any, log_score: float | None) -> Score:
-    """Return the score of pulls: their mean square less one, and what it scatters by."""
+    """Return the score of pulls (n,) at times (n,), s: their mean square less one, and its std."""
     excess = float(np.mean(pull ** 2) - 1) if len(pull) else float('nan')
     return Score.of([View('poses', time, pull, excess, float(std), 's', log_score)])
 

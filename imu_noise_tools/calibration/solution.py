@@ -246,7 +246,12 @@ def offset_of(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def of_study(study: Study, target: str | None = None) -> Calibration:
-    """Return the calibration a study stands at, of its first sensor or the one named."""
+    """
+    Return the calibration a study stands at, of its first sensor or the one named.
+
+    Raise InputError for a study of another domain, UsageError for no such sensor.
+
+    """
     if study.domain != CalibrationProblem.domain:
         raise InputError(f'this is a {study.domain} study', 'name the folder that calibrate wrote')
     target = study.chosen(None if target is None else [target])[0]

@@ -312,7 +312,7 @@ def restricted(
     tilt: float,
     method: str,
 ) -> float:
-    """Return the restricted log-likelihood with one scatter's amplitude."""
+    """Return the restricted log-likelihood, nats, at a scatter's amplitude; scale (3, 3) is S."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
     trial = model.with_effect(trial) if effect.label in model else model + trial
     system, log_det = equations(trial, poses, scale, tilt, method)
@@ -386,7 +386,13 @@ def _leak(state, system, cov, tilt):
 def report(model: Model, state: State, system: Equations, cov: np.ndarray, log_det: float,
            method: str, tilt: float, known: Mapping[str, Any] | None,
            around: Mapping[tuple[str, str], float]) -> Fit[Solved]:
-    """Return the fit that a state and its equations make; ``around``: centres of intervals."""
+    """
+    Return the fit that a state and its equations make.
+
+    ``cov`` (k, k) is the covariance of its k coefficients in the order of the equations,
+    ``around`` has the centres of their intervals.
+
+    """
     poses, keys = state.poses, system.keys
     std = np.sqrt(np.diag(cov))
     value = dict(zip(keys, zip(state.values.values(), std, system.determined, around.values())))

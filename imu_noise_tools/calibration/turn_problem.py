@@ -136,7 +136,7 @@ class TurnsProblem(CalibrationProblem):
         return self._least[0], self._least[1]
 
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
-        """Return the whitened columns that an effect would add to a fit's equations."""
+        """Return the whitened columns, (k, p), that an effect would add to a fit's k equations."""
         if not self._last or self._last[0] is not fit:     # all candidates of a fit in a row
             self._last[:] = fit, _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
         at = self._last[1]
@@ -208,7 +208,7 @@ class TurnsProblem(CalibrationProblem):
                 'chi_squared': fit.details.chi2, 'dof': float(fit.details.dof)}
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """Return everything as plain arrays, for an npz file."""
+        """Return everything as plain arrays by name, for an npz file: of turns and rests."""
         rests = {f'rest_{k}': v for k, v in self.data.rests.to_arrays().items()}
         return {**super().to_arrays(), **self.data.to_arrays(), **rests}
 
@@ -408,6 +408,6 @@ def problems(arrays: Mapping[str, Any]) -> dict[str, CalibrationProblem]:
 
 
 def arrays_of(found: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    """Return the arrays of evidence.npz, ``target/field``, which :func:`problems` reads back."""
     return {f'{target}/{key}': value for target, p in found.items() for key,
             value in p.to_arrays().items()}

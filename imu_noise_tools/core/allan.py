@@ -69,9 +69,9 @@ class AllanCurve:
 
 def cluster_sizes(n: int, points: int = 100, octaves: bool = False) -> np.ndarray:
     """
-    Return cluster sizes m from 1 to n/3.
+    Return cluster sizes m from 1 to n/3, (k,) int.
 
-    Log-spaced whole numbers, each once, or octaves 1, 2, 4 ...
+    Log-spaced whole numbers, each once (``points`` at most), or octaves 1, 2, 4 ...
 
     Raises
     ------
@@ -117,9 +117,9 @@ def overlapping_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 def standard_variance(y: np.ndarray, m: np.ndarray) -> np.ndarray:
     """
-    Return half the mean squared difference of neighbouring cluster means.
+    Return half the mean squared difference of neighbouring cluster means, (k,), unit^2.
 
-    The clusters lie side by side (IEEE 952 C.1).
+    Of samples y (n,) and cluster sizes m (k,); the clusters lie side by side (IEEE 952 C.1).
 
     """
     x = _prefix(y)
@@ -213,9 +213,9 @@ def interval(
 
 def smooth_slope(m: np.ndarray, dev: np.ndarray, decades: float = 0.5) -> np.ndarray:
     """
-    Return the slope of log dev against log m around each point.
+    Return the slope of log dev (k,) against log m (k,) around each point, (k,).
 
-    It is that of a straight line through half a decade.
+    It is that of a straight line through so many ``decades``.
 
     """
     x, y = np.log(np.asarray(m, float)), np.log(dev)
@@ -234,7 +234,9 @@ def degrees_of_freedom(
     dev: np.ndarray, m: np.ndarray, n: int, overlapping: bool = True
 ) -> np.ndarray:
     """
-    Return equivalent degrees of freedom for the power law that the local slope shows.
+    Return equivalent degrees of freedom for the power law that the local slope shows, (k,).
+
+    Of deviations ``dev`` (k,) of n samples at cluster sizes m (k,).
 
     Overlapping: the approximations of Riley, NIST SP 1065, table 5 (and the exact two-term
     correlation of neighbouring differences for the standard variance).

@@ -38,13 +38,13 @@ def _angles(f0: float, width: float, dt: float) -> tuple[float, float]:
 
 
 def covariance(lag: np.ndarray, f0: float, width: float, dt: float) -> np.ndarray:
-    """Return the autocovariance at lags (samples), of variance 1."""
+    """Return the autocovariance at lags (samples), of their shape, of variance 1; f0 in Hz."""
     theta, alpha = _angles(f0, width, dt)
     return np.exp(-0.5 * (alpha * lag) ** 2) * np.cos(theta * lag)
 
 
 def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
-    """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
+    """Return the one-sided PSD of the sampled process at f (Hz), of its shape, unit^2/Hz."""
     f, s = np.asarray(f, float), PER_WIDTH * width
     both = np.zeros(np.shape(f))
     for line in (f0, -f0):
@@ -240,7 +240,7 @@ def _steepness(x: np.ndarray, alpha: float) -> np.ndarray:
 
 def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float) -> np.ndarray:
     """
-    Return the Allan variance at cluster sizes m: (4 V(m) - V(2m))/(2 m^2).
+    Return the Allan variance at cluster sizes m (k,), (k,), unit^2: (4 V(m) - V(2m))/(2 m^2).
 
     V(m) is the variance of a sum of m, m + 2 sum over 0 < l < m of (m - l) R(l).
 

@@ -92,7 +92,7 @@ class SampleClock:
         return int(np.sum(self.lost))
 
     def pauses(self) -> np.ndarray:
-        """Return the index of the last sample before each long interruption of the stream."""
+        """Return the index of the last sample before each long interruption, (p,) int."""
         least = max(LONG_GAP_S, 10 / self.rate_hz)
         lost = self.gaps[self.lost / self.rate_hz > least]
         return np.unique(np.r_[lost, self.steps[self.steps[:, 1] > least, 0]]).astype(np.int64)
@@ -124,7 +124,7 @@ class SampleClock:
 
 def median_rate(t: np.ndarray) -> float | None:
     """
-    Return one over the median positive interval of stamps t (s), Hz; None where there is none.
+    Return one over the median positive interval of stamps t (n,), s, in Hz; None: there is none.
 
     What a stream shows at once; buffered or coarse stamps belie it.
 
@@ -136,7 +136,7 @@ def median_rate(t: np.ndarray) -> float | None:
 
 def regular_rate(t: np.ndarray) -> float | None:
     """
-    Return the rate of stamps t (s), Hz, that gaps, jitter and bursts do not change.
+    Return the rate of stamps t (n,), s, in Hz, that gaps, jitter and bursts do not change.
 
     Return None where there is none.
 
@@ -160,7 +160,7 @@ def regular_rate(t: np.ndarray) -> float | None:
 
 def fit_clock(t: np.ndarray) -> SampleClock | None:
     """
-    Return the clock behind stamps t (s), finite and never falling; None where there is no rate.
+    Return the clock behind stamps t (n,), s, finite and never falling; None: there is no rate.
 
     Where the stamps are too rough to show one lost sample, only losses of ``resolvable`` and more
     in a row are claimed.

@@ -31,7 +31,7 @@ def innovation_variance(sigma: float, tc: float, dt: float) -> float:
 
 def psd(f: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     """
-    Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz.
+    Return the one-sided PSD of the sampled process at f (Hz), of its shape, unit^2/Hz.
 
     2 dt sigma^2 (1 - phi^2) / (1 - 2 phi cos(2 pi f dt) + phi^2), written without cancellation.
 
@@ -43,7 +43,7 @@ def psd(f: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
 
 def avar(m: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     """
-    Return the Allan variance of the sampled process at cluster sizes m.
+    Return the Allan variance of the sampled process at cluster sizes m, of their shape, unit^2.
 
     sigma^2 (m - 3 phi - m phi^2 + 4 phi^(m+1) - phi^(2m+1)) / (m (1 - phi))^2; where that cancels
     (dt << tc) the continuous (2 sigma^2 Tc/tau) [1 - Tc/(2 tau) (3 - 4 exp(-tau/Tc) + exp(-2

@@ -60,7 +60,7 @@ def innovation_variance(sigma: float, f0: float, width: float, dt: float,
 
 def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float,
         velocity: bool = False) -> np.ndarray:
-    """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
+    """Return the one-sided PSD of the sampled process at f (Hz), of its shape, unit^2/Hz."""
     p, _ = _pole(f0, width, dt)
     r, half = abs(p), np.pi * np.asarray(f, float) * dt
     both = np.ones(np.shape(f))
@@ -169,7 +169,12 @@ def _angles(bins: Bins) -> tuple[Any, ...]:
 
 def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float,
          velocity: bool = False) -> np.ndarray:
-    """Return the Allan variance at cluster sizes m: the variance of a mean less its covariance."""
+    """
+    Return the Allan variance at cluster sizes m, of their shape, unit^2.
+
+    The variance of a mean less its covariance with the next.
+
+    """
     m = np.asarray(m, float)
     p, a = _swing(f0, width, dt, velocity)
     pm = np.exp(m * np.log(p))

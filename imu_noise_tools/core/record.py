@@ -35,11 +35,11 @@ class Memory:
     """
 
     def empty(self, shape: int | tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
-        """Return a new array."""
+        """Return a new array of this shape."""
         return np.empty(shape, dtype)
 
     def keep(self, x: np.ndarray) -> np.ndarray:
-        """Return an array in its place; here it is there."""
+        """Return an array, of whatever shape, in its place; here it is there."""
         return x
 
     def columns(self, n: int) -> np.ndarray:
@@ -222,7 +222,7 @@ class ImuRecord:
             covariates={k: v[some] for k, v in self.covariates.items()})
 
     def taken(self, which: np.ndarray, memory: Memory) -> ImuRecord:
-        """Return some samples (copies), by mask or index."""
+        """Return some samples (copies), by mask (n,) or index (k,)."""
         return self.changed(lambda x: x[which], memory)
 
     def changed(self, change: Callable[[np.ndarray], np.ndarray], memory: Memory) -> ImuRecord:

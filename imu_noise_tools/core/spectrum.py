@@ -47,12 +47,12 @@ class Bins:
 
     @property
     def count(self) -> np.ndarray:
-        """Coefficients in each bin."""
+        """Coefficients in each bin, (b,)."""
         return self.last - self.first
 
     @property
     def f(self) -> np.ndarray:
-        """Centre of each bin, Hz."""
+        """Centre of each bin, (b,), Hz."""
         return (self.first + self.last - 1) / (4 * self.n * self.dt)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ class Bins:
         return np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half)
 
     def index(self, k: Any) -> np.ndarray:
-        """Return the bin that holds coefficient k (1 <= k < n)."""
+        """Return the bin that holds each coefficient k (1 <= k < n), of the shape of k."""
         return np.searchsorted(self.first, k, side='right') - 1
 
 
@@ -107,7 +107,7 @@ def cosine_transform(y: np.ndarray) -> np.ndarray:
 
 
 def power(c: np.ndarray, dt: float, bins: Bins) -> np.ndarray:
-    """Return the one-sided PSD averaged over bins, unit^2/Hz."""
+    """Return the one-sided PSD of coefficients c (n,) averaged over bins, (b,), unit^2/Hz."""
     return bins.mean(2 * dt * c * c)
 
 
@@ -263,8 +263,9 @@ def line_basis(frequency: float | complex | np.ndarray, k: np.ndarray, n: int, d
 
     From the geometric sums: with alpha = w dt, the sum of e^{i alpha j} cos(theta (j + 1/2)),
     theta = pi k/n, is half the sum of two Dirichlet kernels. Frequency, k, begin and end are
-    broadcast; of a line that is there in the samples [begin, end) alone, the sum over those. Of
-    frequency + i rate/(2 pi) both waves fade by e^(-rate t), or swell.
+    broadcast, and the coefficients, complex, are of that shape; of a line that is there in the
+    samples [begin, end) alone, the sum over those. Frequency in Hz, dt in s; of frequency +
+    i rate/(2 pi) both waves fade by e^(-rate t), rate in 1/s, or swell.
 
     """
     frequency = np.asarray(frequency)
@@ -316,7 +317,12 @@ def line_coefficients(
     frequency: float, a: float, b: float, k: np.ndarray, n: int, dt: float,
     begin: int = 0, end: int | None = None
 ) -> np.ndarray:
-    """Return c_k (k >= 1) of a cos(w t) + b sin(w t) in [begin, end), as of :func:`line_basis`."""
+    """
+    Return c_k at k (j,) >= 1 of a cos(w t) + b sin(w t) in [begin, end), (j,), in a's unit.
+
+    As of :func:`line_basis`.
+
+    """
     basis = line_basis(frequency, k, n, dt, begin, end)
     return a * basis.real + b * basis.imag
 
@@ -326,6 +332,8 @@ def quadrature_avar(
 ) -> np.ndarray:
     """
     Return the Allan variance of a sampled process with this one-sided PSD at cluster sizes m.
+
+    m (k,) -> (k,), unit^2; ``psd`` takes frequencies (j,), Hz, and returns unit^2/Hz; dt in s.
 
     sigma^2(m) = 2 int_0^{1/(2 dt)} S(f) sin^4(pi f m dt) / (m sin(pi f dt))^2 df. In u = f m dt: a
     midpoint rule over the first oscillations, then the mean 3/8 of sin^4 on a log grid (no

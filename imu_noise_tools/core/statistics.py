@@ -75,13 +75,23 @@ def median_of(x: np.ndarray) -> float:
 
 
 def median_sigma(x: np.ndarray, axis: int | None = None) -> Any:
-    """Return the standard deviation of what is normal about zero, from the median of its size."""
+    """
+    Return the standard deviation of what is normal about zero, from the median of its size.
+
+    In the unit of x, of its shape without ``axis``.
+
+    """
     return MAD * np.median(np.abs(x), axis=axis)
 
 
 def quantile_sigma(x: np.ndarray, share: float, axis: int | None = None, *,
                    keepdims: bool = False) -> Any:
-    """Return the standard deviation of x about zero if its middle ``share`` is normal."""
+    """
+    Return the standard deviation of x about zero if its middle ``share`` is normal.
+
+    In the unit of x, of its shape without ``axis``.
+
+    """
     size = np.quantile(np.abs(x), share, axis=axis, keepdims=keepdims)
     return size / ndtri(0.5 + share / 2)
 
@@ -103,7 +113,7 @@ def gamma_excess(x: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gamma_pull(x: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return a nearly standard normal pull of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
+    """Return nearly standard normal pulls (b,) of x ~ chi^2_w/w (Wilson and Hilferty 1931)."""
     spread = 2 / (9 * np.maximum(w, 0.5))
     return (np.cbrt(x) - (1 - spread)) / np.sqrt(spread)
 
@@ -127,7 +137,12 @@ def gamma_pull_exact(x: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 
 def middle_sigma(x: np.ndarray) -> float:
-    """Return the standard deviation of a normal distribution with the middle nine tenths of x."""
+    """
+    Return the standard deviation of a normal distribution with the middle nine tenths of x (n,).
+
+    In the unit of x; 0 of none.
+
+    """
     some = np.abs(x[:: max(1, len(x) // 200_000)])
     count = int(0.9 * len(some))
     if not count:
@@ -138,7 +153,7 @@ def middle_sigma(x: np.ndarray) -> float:
 
 def robust_sigma(y: np.ndarray) -> float:
     """
-    Return the standard deviation of the fast part of y.
+    Return the standard deviation of the fast part of y (n,), in its unit.
 
     It is that of neighbouring differences, over sqrt(2), without up to a twentieth that stand far
     out.
@@ -260,7 +275,7 @@ def hold(y: np.ndarray, fresh: np.ndarray) -> np.ndarray:
 
 def repeats(y: np.ndarray) -> Repeats:
     """
-    Tell whether more neighbours are equal than rounding makes equal by chance.
+    Tell whether more neighbours of y (n,) are equal than rounding makes equal by chance.
 
     So many that are far apart are equal too, and these are not held (spikes hide a grid and widen
     the density). Where chance makes many equal, slow noise makes more of neighbours; but then they

@@ -292,7 +292,7 @@ def _at_gaps(record: ImuRecord) -> np.ndarray:
 
 
 def finite_mean(data: np.ndarray) -> np.ndarray:
-    """Return the means of the finite values of every column, NaN where there are none."""
+    """Return the means (k,) of the finite values of each column of (n, k), NaN where none is."""
     return np.array([x[good].mean() if (good := np.isfinite(x)).any() else np.nan for x in data.T])
 
 

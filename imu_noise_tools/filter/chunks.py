@@ -46,7 +46,7 @@ class Known:
 
     @property
     def parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The three arrays."""
+        """The three arrays: probabilities, states, covariances."""
         return self.mu, self.x, self.cov
 
     def repeated(self, k: int) -> Known:
@@ -54,7 +54,7 @@ class Known:
         return Known(*(np.repeat(a, k, -1) for a in self.parts))
 
     def take(self, bank: Bank, lanes: np.ndarray, ahead: int = 0) -> None:
-        """Take over what a bank knows in some lanes (mask), for those so many ``ahead``."""
+        """Take over what a bank knows in some lanes (lanes,) bool, for those so many ``ahead``."""
         for into, now in zip(self.parts, (bank.mu, bank.x, bank.cov)):
             into[..., np.flatnonzero(lanes) + ahead] = now[..., lanes]
 

@@ -58,13 +58,13 @@ class History:
         self.score = np.full((self.size, self.axes), np.nan)
 
     def append(self, t: float, z: np.ndarray) -> None:
-        """Keep a sample; its score is set later."""
+        """Keep a sample z (axes,), rad/s, at t (s); its score is set later."""
         at = self.count % self.size
         self.t[at], self.z[at], self.score[at] = t, z, np.nan
         self.count += 1
 
     def mark(self, score: np.ndarray) -> None:
-        """Set the score of the newest sample."""
+        """Set the score of the newest sample, (axes,), standard deviations."""
         self.score[(self.count - 1) % self.size] = score
 
     def latest(self, n: int | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

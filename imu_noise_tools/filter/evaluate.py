@@ -82,7 +82,7 @@ def autocorrelation(u: np.ndarray, lags: int) -> np.ndarray:
 
 def spectrum_view(u: np.ndarray, dt: float) -> View:
     """
-    Return the spectrum of the scores against the flat one of a true model.
+    Return the spectrum of the scores u (n,), at dt (s), against the flat one of a true model.
 
     The deviance is the sum of w (x - ln x - 1), x the binned periodogram over its expectation, w
     coefficients a bin, less what chance gives: twice the Gaussian information (Whittle 1953),
@@ -101,7 +101,7 @@ def spectrum_view(u: np.ndarray, dt: float) -> View:
 
 def distribution_view(u: np.ndarray) -> View:
     """
-    Return the distribution of the scores, their scale removed, in classes against the normal.
+    Return the distribution of the scores u (n,), their scale removed, in classes of the normal.
 
     The deviance is the likelihood-ratio statistic less its degrees of freedom: twice n times the
     negentropy, binned. The outermost classes begin at three and a half standard deviations.
@@ -123,7 +123,7 @@ def distribution_view(u: np.ndarray) -> View:
 
 def time_view(u: np.ndarray, dt: float) -> View:
     """
-    Return the mean square of the scores in blocks.
+    Return the mean square of the scores u (n,), at dt (s), in blocks.
 
     Its excess is within the others', so it counts for nothing.
 
@@ -283,9 +283,9 @@ def rms(error: np.ndarray) -> np.ndarray:
 
 def delay(rate: np.ndarray, truth: np.ndarray, frequency: float, dt: float) -> float:
     """
-    Return by how many seconds a filtered sinusoid lags behind the true one.
+    Return by how many seconds a filtered sinusoid (n,) lags behind the true one (n,).
 
-    Difference of their phases.
+    Difference of their phases at ``frequency`` (Hz), of samples at dt (s).
 
     """
     t = np.arange(len(truth)) * dt

@@ -106,12 +106,12 @@ class Free:
         self.within = [effects[label].within(p, evaluate.dt) for label, p in self.parts]
 
     def vector(self) -> np.ndarray:
-        """Return the model's own values."""
+        """Return the model's own values, (parameters,), as they are searched for."""
         return np.array([self._to(p, self.model[label][p.name]) for label, p in self.parts])
 
     def scale(self, span: float) -> np.ndarray:
         """
-        Return how far each parameter may move at first.
+        Return how far each parameter may move at first, (parameters,).
 
         A frequency no further than its line is wide in ``span`` s.
 
@@ -128,7 +128,7 @@ class Free:
         )
 
     def at(self, x: np.ndarray) -> Model:
-        """Return the model at x, held within bounds."""
+        """Return the model at x (parameters,), held within bounds."""
         model = self.model
         for (label, p), within, v in zip(self.parts, self.within, x):
             value = float(np.clip(np.exp(np.clip(v, -200, 200)) if p.log else v, *within))

@@ -134,7 +134,7 @@ class Entries:
 
     @cached_property
     def fresh(self) -> np.ndarray:
-        """What of each mode's probability comes from a change of mode."""
+        """What of each mode's probability comes from a change of mode; as ``prior``."""
         return self.prior * (1 - self.stay)
 
     def tiled(self, chunks: int) -> Entries:
@@ -200,14 +200,14 @@ class Bank:
         return dict(zip(self.pairs, self.cov))
 
     def load(self, mu: np.ndarray, x: Any, cov: Any) -> None:
-        """Take over probabilities, states [d] and covariances [pairs]."""
+        """Take over probabilities, states [d] and covariances [pairs], each (modes, lanes)."""
         self.mu[:] = mu
         for mine, one in ((self.x, x), (self.cov, cov)):
             for into, value in zip(mine, one):
                 into[:] = value
 
     def restart(self, lanes: np.ndarray | slice) -> None:
-        """Forget everything in some lanes (mask or index)."""
+        """Forget everything in some lanes: mask (lanes,) or index (k,)."""
         self.mu[:, lanes] = self.prior[:, lanes] = self.first[:, lanes]
         self.jitter[:, lanes] = 0.0
         self.x[..., lanes] = 0.0
@@ -274,7 +274,7 @@ class Bank:
         return e.r if e.slope is None else e.r + self.jitter
 
     def noise_seen(self, e: Entries) -> np.ndarray:
-        """Return the variance that the last sample's noise had by its weight in the mixture."""
+        """Return the variance (modes, lanes) that the last sample's noise had by its weight."""
         if self.mixture is None:
             return self.noise(e)
         return self.noise(e) / (self.good + (1 - self.good) / self.mixture[1])
@@ -439,5 +439,5 @@ def _sum(terms):
 
 
 def log_density(log_l: np.ndarray) -> np.ndarray:
-    """Return log-likelihoods of :meth:`Bank.step` with the constant that it leaves out."""
+    """Return log-likelihoods of :meth:`Bank.step`, nats, of their shape, its constant put in."""
     return log_l - 0.5 * LOG_2PI

@@ -163,7 +163,7 @@ def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray) -> Any:
 
 
 def innovations_of(steady: Steady, z: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the innovations of :func:`run_steady` alone, in half the time."""
+    """Return the innovations of :func:`run_steady` alone, of the shape of z, in half the time."""
     return _Blocks(steady, z, x).of(_to_innovations)
 
 

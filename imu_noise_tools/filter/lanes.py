@@ -73,7 +73,7 @@ class Lanes:
         self.bank = Bank(self.table, chunks * axes)
 
     def entries(self, at: np.ndarray) -> Entries:
-        """Return the entries of the intervals before these places of the record."""
+        """Return the entries of the intervals before these places (chunks,) of the record."""
         now = self.which[at]
         same = self.regular or np.all(now == now[0])
         return self.common[now[0]] if same else self.table.at(now)

@@ -302,6 +302,8 @@ def gauss_markov_terms(
     """
     Return Gauss-Markov terms that stand for noise of some density, and how far off they are.
 
+    ``psd`` takes f (n,), Hz, and dt, s, and returns the one-sided density (n,), (rad/s)^2/Hz.
+
     Flicker noise, for one, has no finite state space. The tc of the terms stand in a fixed ratio
     from ``shortest`` to ``longest`` (s), their variances are those of least squared relative
     error (non-negative) between 1/(2 pi tc) of the two, less the outermost half decade at either

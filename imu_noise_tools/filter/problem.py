@@ -97,12 +97,12 @@ class FilterProblem(Problem):
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """The samples that are there."""
+        """The samples that are there, (k,), rad/s."""
         return self.z[np.isfinite(self.z)]
 
     @cached_property
     def bridged(self) -> np.ndarray:
-        """The series with something for the samples that are missing: for a look."""
+        """The series (n,), rad/s, with something for the samples that are missing: for a look."""
         return bridged(self.z, float(quiet_variance(self.seen[:, None])[0]))
 
     @cached_property
@@ -479,7 +479,7 @@ def problems(arrays: Mapping[str, Any]) -> dict[str, FilterProblem]:
 
 
 def arrays_of(found: Mapping[str, FilterProblem]) -> dict[str, np.ndarray]:
-    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    """Return the arrays of evidence.npz, ``target.field``, which :func:`problems` reads back."""
     out = {'targets': np.array(list(found))}
     for target, p in found.items():
         pairs = [

@@ -73,7 +73,7 @@ class Likelihood:
                    [np.zeros(shape) for _ in range(size)], np.zeros(shape))
 
     def forgotten(self, lanes: np.ndarray) -> Likelihood:
-        """Return that of no samples in some lanes (mask)."""
+        """Return that of no samples in some lanes, mask (lanes,)."""
         return Likelihood({k: np.where(lanes, 0.0, v) for k, v in self.j.items()},
                           [np.where(lanes, 0.0, v) for v in self.h],
                           np.where(lanes, 0.0, self.log_k))

@@ -38,7 +38,7 @@ def model_curve(evidence: Evidence, model: Model, m: np.ndarray,
 
 def effects_avar(evidence: Evidence, effects: Iterable[Effect], model: Model,
                  m: np.ndarray) -> dict[str, np.ndarray]:
-    """Return :func:`effect_avar` of those effects of a model that have any, by label."""
+    """Return :func:`effect_avar` (k,) of those effects of a model that have any, by label."""
     each = {e.label: effect_avar(evidence, model, e, m) for e in effects}
     return {label: v for label, v in each.items() if v is not None}
 

@@ -234,17 +234,17 @@ class Evidence:
 
     @property
     def slow_t(self) -> np.ndarray:
-        """Times of the block means, s."""
+        """Times of the block means, (s,), s."""
         return self.common.slow_t
 
     @property
     def slow_y(self) -> np.ndarray:
-        """Block means of this axis."""
+        """Block means of this axis, (s,), in its unit."""
         return self.common.slow[self.axis]
 
     @property
     def slow_others(self) -> dict[str, np.ndarray]:
-        """Block means of the other axes and the covariates, by name."""
+        """Block means of the other axes and the covariates by name, (s,) each."""
         return {k: v for k, v in self.common.slow.items() if k != self.axis}
 
     def fades(self, frequency: float, width: float) -> tuple[float, float, float]:
@@ -451,7 +451,7 @@ class Evidence:
 
     def cells_of(self, model: Model | None) -> np.ndarray:
         """
-        Return the cells of the distribution.
+        Return the cells of the distribution, (cells,).
 
         Without defects, and without lines, where the model holds them.
 
@@ -489,7 +489,7 @@ class Evidence:
         return self.as_rounded if some else self
 
     def steadier(self, key: tuple, make: Callable[[np.ndarray], np.ndarray]) -> Evidence:
-        """Return the evidence with a power in time that is made of its own, once for a key."""
+        """Return it with a power in time (blocks, bands) made of its own, once for a key."""
         if key not in self._steadier:
             made = np.array([make(power) for power in self.block_power])
             self._steadier[key] = replace(self, block_power=made)
@@ -608,7 +608,7 @@ def _common_to_arrays(name: str, common: Common) -> dict[str, np.ndarray]:
 
 
 def from_arrays(arrays: Mapping[str, np.ndarray]) -> dict[str, Evidence]:
-    """Return the evidence of each axis from what :func:`to_arrays` gave."""
+    """Return the evidence of each axis by name from what :func:`to_arrays` gave."""
     tree: dict[str, dict] = {}
     for key, value in arrays.items():
         axis, _, rest = key.partition('/')

@@ -168,9 +168,9 @@ class NoiseEffect(Effect):
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
         """
-        Return what it must keep of the samples of one axis.
+        Return what it must keep of the samples y (n,) of one axis.
 
-        Small arrays, stored in evidence.npz.
+        Small arrays by name, stored in evidence.npz.
 
         """
         return {}
@@ -250,7 +250,7 @@ class NoiseEffect(Effect):
         return {}
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
-        """Return x (n,) with the effect in it: its simulation."""
+        """Return x (n,) with the effect in it, (n,): its simulation."""
         raise NotImplementedError(f'{self.name} has no simulation')
 
 
@@ -271,11 +271,11 @@ class Spectrum(NoiseEffect):
         return None
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
-        """Return the one-sided PSD of the sampled process at f (Hz), unit^2/Hz."""
+        """Return the one-sided PSD of the sampled process at f (n,), Hz: (n,), unit^2/Hz."""
         raise NotImplementedError
 
     def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
-        """Return by what samples show its PSD to differ, as a function of Hz; None: by nothing."""
+        """Return by what samples show its PSD to differ, (n,) of f (n,), Hz; None: by nothing."""
         return None
 
     @property
@@ -302,7 +302,12 @@ class Spectrum(NoiseEffect):
         return {}
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
-        """Return the Allan variance at cluster sizes m; by default the quadrature of ``psd``."""
+        """
+        Return the Allan variance at cluster sizes m (k,): (k,), unit^2.
+
+        By default the quadrature of ``psd``.
+
+        """
         return quadrature_avar(lambda f: self.psd(f, dt), m, dt)
 
     def state_space(self, dt: float) -> StateSpace | None:
@@ -355,7 +360,12 @@ class Mean(NoiseEffect):
     anew: ClassVar[tuple[str, ...]] = ()
 
     def columns(self, inputs: Inputs, *_: Any, **nonlinear: Any) -> np.ndarray:
-        """Return (n, p), slowly varying; zero where a parameter is no part of a form."""
+        """
+        Return (n, p), slowly varying; zero where a parameter is no part of a form.
+
+        In the unit of the samples over that of the linear parameter of each.
+
+        """
         raise NotImplementedError
 
     def finer(self, evidence: Evidence) -> list[Effect]:
@@ -374,7 +384,7 @@ class Mean(NoiseEffect):
         return self.columns(inputs, **rest) @ np.array([self.values.get(k, 0.0) for k in linear])
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
-        """Return what it adds to the Allan variance, where that has a closed form; else zero."""
+        """Return what it adds to the Allan variance, (k,), unit^2, in a closed form; else zero."""
         return np.zeros(len(np.atleast_1d(m)))
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
@@ -525,12 +535,12 @@ class Response(NoiseEffect):
     leaks: ClassVar[bool] = True
 
     def gain2(self, f: np.ndarray, dt: float) -> np.ndarray:
-        """Return the squared gain at f (Hz)."""
+        """Return the squared gain at f (n,), Hz: (n,)."""
         raise NotImplementedError
 
     def scattered(self, before: Sequence[Response], f: np.ndarray, dt: float) -> np.ndarray:
         """
-        Return the level at f (Hz) of what it scatters over all frequencies, a filter nothing.
+        Return the level at f (n,), Hz, of what it scatters over all frequencies, a filter nothing.
 
         Before it passes it, of white noise that has passed the responses before it, over its level
         at zero frequency.
@@ -579,7 +589,7 @@ class Modulation(NoiseEffect):
     views: ClassVar[tuple[str, ...]] = ('variance', 'distribution')
 
     def variance(self, t: np.ndarray) -> np.ndarray:
-        """Return the factor of the variance at t (s)."""
+        """Return the factor of the variance at t (n,), s: (n,)."""
         raise NotImplementedError
 
     def measure(self, evidence: Evidence) -> Finding | None:
@@ -626,7 +636,7 @@ class Defect(NoiseEffect):
 
     @classmethod
     def screen(cls, y: np.ndarray, kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarray:
-        """Return y without the defect, for the spectrum that the other effects are fitted to."""
+        """Return y (n,) without the defect, (n,), for the spectrum that others are fitted to."""
         return y
 
     @classmethod
@@ -657,7 +667,7 @@ def model_tails(model: Model, evidence: Evidence) -> Tails | None:
 
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the one-sided PSD of an effect behind the model's responses that act on it."""
+    """Return the one-sided PSD (n,) of an effect behind the model's responses on it, unit^2/Hz."""
     return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
 
 
@@ -677,7 +687,7 @@ def foreign(model: Model) -> list[Spectrum]:
 
 
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the squared gain at f (Hz) of all the model's responses on white noise."""
+    """Return the squared gain (n,) at f (n,), Hz, of all the model's responses on white noise."""
     return gain2_of(model.of(Response), f, dt, True)
 
 
@@ -696,7 +706,7 @@ def beside_unfiltered(gain2: np.ndarray | float, share: float | np.ndarray,
 
 def gain2_of(responses: Sequence[Response], f: np.ndarray, dt: float,
              white: bool = False) -> np.ndarray:
-    """Return the squared gain at f (Hz) of responses, one behind the other (:func:`together`)."""
+    """Return the squared gain (n,) at f (n,), Hz, of responses one behind the other."""
     return np.ones(np.shape(f)) * together(
         responses, [r.gain2(f, dt) for r in responses], f, dt, white)
 
@@ -724,7 +734,7 @@ def together(responses: Sequence[Response], each: Sequence[np.ndarray], f: np.nd
 def seen_behind(before: Sequence[Response], model: Model, f: np.ndarray,
                 dt: float) -> np.ndarray:
     """
-    Return the power at f (Hz) of white noise of 1 behind some responses and a model's last.
+    Return the power at f (n,), Hz, of white noise of 1 behind some responses and a model's last.
 
     As :func:`together` has it, and not scaled to 1 at zero: powers of noise that passes other
     responses add to it.
@@ -745,13 +755,13 @@ def model_crowd(model: Model) -> float:
 
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the one-sided PSD of the whole model, each effect behind what acts on it."""
+    """Return the one-sided PSD of the whole model, responses in it, at f (n,), Hz: unit^2/Hz."""
     return sum((psd_behind(e, model, f, dt) for e in model.of(Spectrum)), np.zeros(np.shape(f)))
 
 
 def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
     """
-    Return the Allan variance of the whole model at cluster sizes m.
+    Return the Allan variance of the whole model at cluster sizes m (k,): (k,), unit^2.
 
     It is the sum of its effects', or a quadrature behind a response.
 

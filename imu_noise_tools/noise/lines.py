@@ -72,9 +72,9 @@ def _reach(k, n: int):
 
 def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
     """
-    Return a smooth one-sided PSD at every k >= 1 from running medians.
+    Return a smooth one-sided PSD at every k >= 1 from running medians, (n - 1,), unit^2/Hz.
 
-    Lines and spikes in it do not show.
+    Of cosine coefficients c (n,); lines and spikes in it do not show.
 
     """
     n = len(c)
@@ -176,7 +176,7 @@ def line_penalty(n: int, known: int = 0) -> float:
 
 def crowding(f: np.ndarray, duration: float, dt: float) -> np.ndarray:
     """
-    Return how many times as likely an unrelated line is near f, Hz, as were they even over f.
+    Return how many times as likely an unrelated line is near f (n,), Hz, as if even over f.
 
     Nothing tells whether they are even over f or over ln f, from 8/T, where lines begin, to
     Nyquist; either is taken to be as likely. Slow lines stand at multiples the more often.

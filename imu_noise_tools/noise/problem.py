@@ -403,7 +403,7 @@ def _explains(fit: Fit) -> float:
 
 
 def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:
-    """Return the problem of each axis from the arrays of evidence.npz."""
+    """Return the problem of each axis from the arrays of evidence.npz, ``axis/field``."""
     arrays = dict(arrays)
     method, bias_at = (str(arrays.pop(k)) for k in ('method', 'bias_at'))
     return {
@@ -413,7 +413,7 @@ def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:
 
 
 def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
-    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    """Return the arrays of evidence.npz, ``axis/field``, which :func:`problems` reads back."""
     some = next(iter(found.values()))
     return {
         **to_arrays({axis: p.evidence for axis, p in found.items()}),

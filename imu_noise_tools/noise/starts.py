@@ -42,6 +42,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
     Amplitudes are set by non-negative least squares; where a smaller model is given, once more
     with the values of that: with an effect more no fit is worse. Whether a peak has the form that
     it has there is asked ``anew``: beside what was missing from it another one was like it.
+    Raise FitError for filters alone, with no noise to filter.
 
     """
     model = likelihood.model

@@ -116,7 +116,7 @@ def problems(arrays: Mapping[str, np.ndarray]) -> dict[str, NoiseProblem]:
 
 
 def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
-    """Return the arrays of evidence.npz, which :func:`problems` reads back."""
+    """Return the arrays of evidence.npz, ``axis/field``, which :func:`problems` reads back."""
     if not all(isinstance(p, StatedProblem) for p in found.values()):
         return measured.arrays_of(found)
     out = {'method': np.array(STATED)}
