@@ -324,6 +324,11 @@ class Study:
         With another study: what changed between the two beyond chance. With ``sheet``, a data
         sheet's YAML file: which axes meet it, with the interval.
 
+        Raises
+        ------
+        InputError
+            The other study, or the sheet, has nothing that this one has as well.
+
         """
         if sheet is not None:
             return Table(sheets.against(self.study, sheet))
@@ -339,7 +344,8 @@ class Study:
         Say which effect is missing from each target's model, with the evidence.
 
         ``until_complete`` adds the best and looks again until nothing is missing.
-        ``study[target].diagnosis`` holds all that was found.
+        ``study[target].diagnosis`` holds all that was found. Raise UsageError for another
+        target.
 
         """
         names = self.study.chosen(_several(targets))
@@ -360,11 +366,23 @@ class Study:
 
         Without ``effects`` the first that the diagnosis found, with ``everything`` all of them.
 
+        Raises
+        ------
+        UsageError
+            No such effect or target, or the model has it and can hold only one.
+        FitError
+            The model with it cannot be fitted.
+
         """
         return _ladder(self.study.add(_several(effects), _several(targets), everything))
 
     def remove(self, effect: str, targets: str | Iterable[str] | None = None) -> Table:
-        """Take an effect (its label) out of the model and refit; return the new rungs."""
+        """
+        Take an effect (its label) out of the model and refit; return the new rungs.
+
+        Raise UsageError where no target has it, FitError where what is left cannot be fitted.
+
+        """
         return _ladder(self.study.remove(effect, _several(targets)))
 
     @property
@@ -401,7 +419,7 @@ class Study:
         Return a picture: the main one of the study, or one by its name.
 
         Names are those of the report: a target (in full), ``ladder``, and for noise ``series`` and
-        ``allan``.
+        ``allan``. Raise UsageError for another.
 
         """
         if name == 'ladder':
@@ -418,7 +436,12 @@ class Study:
         return Picture(found[wanted])
 
     def apply(self, record: ImuRecord) -> ImuRecord:
-        """Return a record corrected by this calibration; raise InputError for another study."""
+        """
+        Return a record (SI) corrected by this calibration, what is doubtful in its warnings.
+
+        Raise InputError for a study of something else, or a record without the sensor.
+
+        """
         study = self._of('calibration')
         return calibrating.corrected(record, *(calibrating.core.of_study(study, t).correction
                                                for t in study.targets))
@@ -428,6 +451,13 @@ class Study:
         Write the study as the commands do, and return its folder.
 
         Without ``folder`` where it came from (``load``), all its files anew and others kept.
+
+        Raises
+        ------
+        UsageError
+            It came from nowhere, and no folder is named.
+        InputError
+            The folder is there and not replaced by ``force``, or cannot be written.
 
         """
         if folder is not None:
@@ -517,12 +547,22 @@ class Fleet:
         return Table(tables.read(self.folder).to_pylist()).to_pandas()
 
     def unit(self, name: str) -> Study:
-        """Return the values of a unit, beside what its model does, as a study to export."""
+        """
+        Return the values of a unit, beside what its model does, as a study to export.
+
+        Raise UsageError for no such unit, InputError where it shows nothing.
+
+        """
         from .fleet import export as numbers
         return Study(numbers.unit_study(self.folder, name))
 
     def population(self, model: str | None = None) -> Study:
-        """Return what covers 95 % of a model's units, as a study to export."""
+        """
+        Return what covers 95 % of a model's units, as a study to export.
+
+        Raise UsageError for no such model, InputError where its units show nothing.
+
+        """
         from .fleet import export as numbers
         return Study(numbers.population_study(self.folder, model))
 
@@ -557,6 +597,13 @@ def fleet(inputs: str | Path | Iterable[str | Path], out: str | Path, *, pattern
     options
         Those of :func:`imu_noise_tools.tasks.noise.analyse_bag`.
 
+    Raises
+    ------
+    InputError
+        No bag there, another's folder, or no scheduler; what is wrong with a bag is in ``failed``.
+    UsageError
+        The pattern is none.
+
     """
     from .fleet import assemble, inputs as given, run
     from .fleet.work import Options
@@ -571,7 +618,7 @@ def fleet(inputs: str | Path | Iterable[str | Path], out: str | Path, *, pattern
 
 
 def open_fleet(folder: str | Path) -> Fleet:
-    """Return the fleet of a folder, as it was written last."""
+    """Return the fleet of a folder as it was written last; raise InputError for no fleet."""
     from .fleet import assemble
     return Fleet(Path(folder), assemble.read(folder))
 
@@ -582,7 +629,7 @@ def open_record(path: str | Path, topic: str | None = None, *, apart: bool = Tru
     Read one IMU record; as :func:`imu_noise_tools.bag.open_record`.
 
     Sensors with a clock of their own are kept ``apart``, which noise needs; :func:`calibrate` and
-    :func:`filter` unite them, as ``apart=False`` does here.
+    :func:`filter` unite them, as ``apart=False`` does here. Raises what that function raises.
 
     """
     return bag.open_record(path, topic, apart=apart, **options)
@@ -608,6 +655,11 @@ def analyse(source: Source, *, start: float | str = '', duration: float | str = 
         :func:`imu_noise_tools.tasks.noise.analyse_bag` as well. One axis or effect may be given
         by its name alone.
 
+    Raises
+    ------
+    InputError, UsageError, FitError
+        What these functions raise.
+
     """
     options.update({k: _several(options[k]) for k in ('axes', 'effects') if k in options})
     options['selection'] = Selection.of(str(start), str(duration), mask, screen)
@@ -622,7 +674,8 @@ def calibrate(source: Source | Iterable[Source], *, topic: str | None = None,
     """
     Calibrate a sensor from a bag, several, or records at hand: poses or turns.
 
-    Options are those of :func:`imu_noise_tools.tasks.calibration.calibrate_records`.
+    Options, and errors, are those of
+    :func:`imu_noise_tools.tasks.calibration.calibrate_records`.
 
     """
     some = [source] if isinstance(source, (str, Path, ImuRecord)) else list(source)
@@ -677,12 +730,22 @@ def filter(source: Source, out: str | Path | None = None, *, topic: str | None =
 
 
 def load(folder: str | Path) -> Study:
-    """Return the study of a folder; effects of your own first: :func:`load_effects`."""
+    """
+    Return the study of a folder; effects of your own first: :func:`load_effects`.
+
+    Raise InputError where it is none, or damaged.
+
+    """
     return Study(store.load(folder), Path(folder))
 
 
 def data_sheet(path: str | Path) -> Study:
-    """Return the values of a data sheet's YAML file as a study, which every export takes."""
+    """
+    Return the values of a data sheet's YAML file as a study, which every export takes.
+
+    Raise InputError where it is none.
+
+    """
     return Study(sheets.load(path).study(str(path)))
 
 
@@ -691,7 +754,8 @@ def simulate(spec: Mapping[str, Any] | str | Path, out: str | Path | None = None
     """
     Return a record with known truth from a specification (or a YAML file of one).
 
-    With ``out`` it is written as a bag as well, its truth beside it.
+    With ``out`` it is written as a bag as well, its truth beside it. Raise InputError for what a
+    specification cannot say, and where a bag is in the way without ``force``.
 
     """
     data = spec if isinstance(spec, Mapping) else store.load_yaml(spec)
