@@ -31,7 +31,7 @@ CHANCE = '#e4e9ec'
 EFFECTS = ('#0072b2', '#009e73', '#9a5fb5', '#b8860b', '#56b4e9', '#cc79a7', '#5d4037', '#607d8b')
 # none is the model's colour, and each is told from it; of the schemes of Okabe and Ito, Tol (2021)
 AXES = {'x': '#0072b2', 'y': '#bb5566', 'z': '#44aa99'}
-SMALL, NORMAL, LARGE = 8, 9, 12
+SMALL, NORMAL = 8, 9
 FEW = 2.5           # decades: over fewer than that 2 and 5 have their numbers too
 _RAISED = str.maketrans('-0123456789.', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹·')
 
