@@ -1239,6 +1239,10 @@ def test_what_is_asked_for_again_and_again_is_worked_out_once_whatever_a_search_
     gone.common.remembered.get(('large',), lambda: np.zeros(2 * REMEMBERED))
     gone.remembered(('levels',), make)
     assert gone.common.remembered.numbers <= REMEMBERED
+    for k in range(3):      # one after the other they would push it out
+        gone.remembered(('on the way', k), lambda: np.zeros(REMEMBERED), once=True)
+    gone.remembered(('levels',), make)
+    assert len(made) == 3
 
 
 def test_a_spectrum_is_made_once_for_all_models_and_evidence_that_was_fitted_goes_elsewhere(

@@ -115,11 +115,13 @@ class Remembered:
         """Go to another process without what can be made anew there."""
         return Remembered, (self._most,)
 
-    def get(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what was made for a key, or make it."""
+    def get(self, key: tuple, make: Callable[[], np.ndarray], once: bool = False) -> np.ndarray:
+        """Return what was made for a key, or make it; not to be kept if it is asked for once."""
         found = self._kept.pop(key, None)
         if found is None:
             found = make()
+            if once:
+                return found
             self.numbers += found.size
         self._kept[key] = found     # the last to go
         while self.numbers > self._most and len(self._kept) > 1:
@@ -501,15 +503,17 @@ class Evidence:
         object.__setattr__(out, '_self', self._self)    # what starts remember is none of it
         return out
 
-    def remembered(self, key: tuple, make: Callable[[], np.ndarray]) -> np.ndarray:
+    def remembered(self, key: tuple, make: Callable[[], np.ndarray],
+                   once: bool = False) -> np.ndarray:
         """
         Return an array that the record alone decides, made once for a key.
 
         Of a record's axes, which mostly are asked one after another, no more than
-        :data:`REMEMBERED` numbers are kept, those that were asked for last.
+        :data:`REMEMBERED` numbers are kept, those that were asked for last. What is asked for
+        ``once``, on the way of a descent, would push out what is asked for again.
 
         """
-        return self.common.remembered.get((self._self, *key), make)
+        return self.common.remembered.get((self._self, *key), make, once)
 
     def kept(self, effect: str) -> Mapping[str, np.ndarray]:
         """

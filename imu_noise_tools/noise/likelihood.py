@@ -238,7 +238,7 @@ class Likelihood:
         half = len(x) // 2
         return {'whole': x, 'first': x[:half], 'second': x[half:]}[self.part_name]
 
-    def slow_columns(self, effect: Mean) -> np.ndarray:
+    def slow_columns(self, effect: Mean, once: bool = False) -> np.ndarray:
         """Return the slow coefficients (q, p) of the columns of an effect."""
         rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
         # a lag and a mean temperature are those of the whole record
@@ -247,7 +247,7 @@ class Likelihood:
             if effect.smooth else e.even_inputs
         return e.remembered(
             (self.part_name, self._count, type(effect), *rest.values()),
-            lambda: self._slow_transform(self._in_part(effect.columns(inputs, **rest))))
+            lambda: self._slow_transform(self._in_part(effect.columns(inputs, **rest))), once)
 
     def _slow_transform(self, y):
         """
@@ -401,7 +401,7 @@ class Likelihood:
 
     def _slow_columns_of(self, effect):
         """Return :meth:`slow_columns`, the last few of them kept."""
-        return self._lately(self._shapes_of(effect), lambda: self.slow_columns(effect))
+        return self._lately(self._shapes_of(effect), lambda: self.slow_columns(effect, once=True))
 
     @staticmethod
     def _shapes_of(effect):
@@ -506,7 +506,8 @@ class Likelihood:
         for k, slot in enumerate(self.slots[j] for j in of):
             own, at = cast(Mean, model[slot.label]), x[of[k]]
             up, down = (self.slow_columns(own.with_values(
-                **{slot.parameter.name: slot.from_search(at + step)})) for step in (h, -h))
+                **{slot.parameter.name: slot.from_search(at + step)}), once=True)
+                for step in (h, -h))
             some = (up - down) / (2 * h), (up - 2 * self._slow_columns_of(own) + down) / h**2
             change[k][:, owners == slot.label], bend[k][:, owners == slot.label] = some
         return change, bend

@@ -91,10 +91,11 @@ class SlowPeriodic(Mean):
 
     def columns(self, inputs: Inputs, period: float, orders: float = 1.0) -> np.ndarray:
         """Return cosine and sine of each order, zero beyond the highest."""
-        angle = 2 * np.pi * inputs.t / period
-        out = np.zeros((len(angle), 2 * ORDERS))
-        for k in range(1, int(orders) + 1):
-            out[:, 2 * k - 2:2 * k] = np.column_stack([np.cos(k * angle), np.sin(k * angle)])
+        wave = order = np.exp(2j * np.pi / period * inputs.t)
+        out = np.zeros((len(wave), 2 * ORDERS))
+        for k in range(int(orders)):
+            out[:, 2 * k], out[:, 2 * k + 1] = order.real, order.imag
+            order = order * wave
         return out
 
     @classmethod
