@@ -28,7 +28,7 @@ from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, c
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
-from imu_noise_tools.noise.gather import gather, unrounded
+from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -826,16 +826,6 @@ def test_a_heater_that_cycles_is_in_the_temperature(period):
     found = diagnose(State(problem, fit, problem.held_out(fit.model)))
     assert [f.name for f in found.found] == ['temperature'] and found.remaining is None
     assert found.found[0].effect['lag'] == pytest.approx(-6, rel=0.3)
-
-
-def test_what_was_read_in_coarse_steps_goes_on_between_them():
-    t = np.arange(5000.0)
-    true = 20 + 6 * (1 - np.exp(-t / 1500))
-    read = 0.5 * np.round(2 * true)
-    assert np.std(unrounded(read) - true) < 0.3 * np.std(read - true)
-    noisy = 0.5 * np.round(2 * true + 0.8 * np.random.default_rng(0).standard_normal(len(t)))
-    np.testing.assert_array_equal(unrounded(noisy), noisy)
-    np.testing.assert_array_equal(unrounded(true), true)
 
 
 @pytest.mark.parametrize('later', daily([0, 3], 3))

@@ -9,11 +9,12 @@ import pytest
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.noise import thermal
-from imu_noise_tools.noise.candidates import candidates
+from imu_noise_tools.noise.candidates import candidates, hidden_by_steps
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.stairs import hidden, unrounded
 from imu_noise_tools.noise.thermal import course_of
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -198,3 +199,67 @@ def test_a_course_and_a_temperature_that_has_it_are_as_likely_beforehand(what, s
     else:
         assert found == ['temperature' if what == 'sways with it' else 'transient']
         assert ('Record the temperature' in said.advice) == ('none' in what)
+
+
+def swings(seconds):
+    """Return the temperature of a die that warms up in a room of which the air is conditioned."""
+    t = np.arange(float(seconds))
+    return 26 + 5 * (1 - np.exp(-t / 3000)) + 0.9 * np.sin(2 * np.pi * t / 1320)
+
+
+def test_what_was_read_in_coarse_steps_goes_on_between_them():
+    t = np.arange(5000.0)
+    true = 20 + 6 * (1 - np.exp(-t / 1500))
+    read = 0.5 * np.round(2 * true)
+    known = t <= np.flatnonzero(np.diff(read))[-1]      # of what is read last it is no more
+    assert np.std((unrounded(read) - true)[known]) < 0.25 * np.std((read - true)[known])
+    np.testing.assert_array_equal(unrounded(read)[~known], read[~known])
+    assert unrounded(true) is true and hidden(true) == 0.0
+    assert hidden(read) == pytest.approx(0.5 / np.sqrt(12), rel=0.05)
+
+
+def test_a_thermometer_read_once_a_second_is_as_coarse_between_its_readings():
+    """They come with a line from one to the next, which says nothing of how it went."""
+    true, t = np.round(swings(7200)), np.arange(0, 7199, 0.1)
+    told, held = np.interp(t, np.arange(7200.0), true), true[t.astype(int)]
+    np.testing.assert_allclose(hidden(told), hidden(held), rtol=0.01)
+    off = np.abs(unrounded(told) - unrounded(held))
+    assert np.mean(off) < 2e-3 and np.max(np.abs(np.diff(unrounded(told)))) <= 0.5
+
+
+@pytest.mark.parametrize('noise', [0.3, 0.6])
+def test_what_noise_takes_to_and_fro_hides_little_and_stays_what_it_is(noise):
+    rng, true = np.random.default_rng(1), swings(7200)
+    read = np.round(true + noise * rng.standard_normal(7200))
+    assert hidden(read) < 0.1 < hidden(np.round(true))
+    slow = np.ones(100) / 100
+    assert unrounded(read) is read
+    assert np.std(np.convolve(read - true, slow, 'valid')) < 0.1
+
+
+def heated_by(seed, steps, seconds=7200, rate=2.0):
+    """Return a record of which the first axis bends with a temperature, 40 s behind it."""
+    rng = np.random.default_rng([seed, 12])
+    true, t = swings(seconds), np.arange(0, seconds - 1, 1 / rate)
+    a = np.exp(-1 / 40)
+    late = lfilter([1 - a], [1, -a], true, zi=[a * true[0]])[0] - 28
+    x = 1.4e-3 * rng.standard_normal((len(t), 3))
+    x[:, 0] += np.interp(t, np.arange(float(seconds)), 1.5e-3 * late + 4e-4 * late**2)
+    x += 2e-6 * np.cumsum(rng.standard_normal((len(t), 3)), axis=0)
+    read = np.interp(t, np.arange(float(seconds)), steps * np.round(true / steps))
+    return ImuRecord(x, None, t, rate, covariates={'temperature': read})
+
+
+def test_what_the_steps_of_a_thermometer_hide_is_no_course_of_its_own():
+    """The same course is one beside a thermometer that would have shown it."""
+    names = ('white', 'flicker', 'random_walk', 'temperature')
+    for steps, less in ((1.0, True), (0.05, False)):
+        e = gather(heated_by(0, steps), ['gyro_x'])['gyro_x']
+        model = NoiseProblem(e).point(model_of('noise', names)).model
+        swing = find_effect('noise', 'slow_periodic')({
+            **{p.name: 0.0 for p in find_effect('noise', 'slow_periodic').parameters},
+            'cosine': 6e-4, 'period': 1320.0, 'orders': 1.0})
+        assert bool(hidden_by_steps(e, model, swing)) == less
+        assert not hidden_by_steps(e, model, swing.with_values(cosine=8e-3))
+        assert not hidden_by_steps(e, model.minus('temperature'), swing)
+        assert not hidden_by_steps(e, model.minus('temperature'), model['temperature'])

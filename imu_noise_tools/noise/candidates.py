@@ -45,6 +45,7 @@ WHOLE = 1e9  # in the place of CAP where every band counts in full
 # parameters besides the first that are priced at most where names are compared
 MOST_SHAPES = 2
 # cosine coefficients from the slowest on: they hold nearly all that an effect on the mean explains
+UNREAD = 2.0    # of what steps of a reading may hide of a mean, rms, a course is at least
 SLOW = 32
 # of the power of a bin: the least that is left of it where sources were known exactly (a choice)
 LEFT = 0.01
@@ -287,7 +288,8 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         _view_of(effect),
         where,
         against=bound or added.part_of(more.model)
-        or _of_rounding(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
+        or _of_rounding(evidence, fit.model, added)
+        or hidden_by_steps(evidence, fit.model, added) or _of_levels(evidence, fit.model, added)
         or (why_no_coupling(evidence, more, label) if isinstance(effect, Coupling) else '')
         # one peak after the other would follow a line that moves, and all would fall in the end
         or (swept(evidence, added, max(whole, partly)) if peak else ''),
@@ -341,6 +343,16 @@ def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
     return '' if size > ROUNDED * moved else (
         f'it is {size / step:.2g} steps of the output, by which rounding moves a mean by '
         f'{moved / step:.2g}')
+
+
+def hidden_by_steps(evidence: Evidence, model: Model, effect: Effect) -> str:
+    """Say that a course moves a mean no further than what another follows may unseen."""
+    if not isinstance(effect, Mean) or effect.needs != NoiseEffect.needs:
+        return ''
+    size = float(np.std(effect.mean(evidence.slow_inputs)))
+    hides = max((m.unread(evidence) for m in model.of(Mean)), default=0.0)
+    return '' if size >= UNREAD * hides else (
+        f'it is {size / hides:.2g} of what the steps hide in which the temperature is read')
 
 
 def _penalty(effect: NoiseEffect) -> float:

@@ -35,6 +35,7 @@ from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse
 from .slower import as_measured, images_of_lines, Measured
+from .stairs import unrounded
 from .sweep import find_sweep, on_its_path, Sweep
 from .telegraph import levels
 from .thermal import follows_at, TEMPERATURE
@@ -50,7 +51,6 @@ LOW = 4096  # signed coefficients kept: what jumps shows in all of them
 CALM = 1024  # of them, in which a thermometer is looked at for lines
 JUMPED = 4.0  # times what means change by on either side of what is left out
 CELLS = 64  # equiprobable cells of the distribution
-STAIRS, TURNS = 0.05, 0.5  # share of samples at which a staircase rises or falls, and turns
 ENVELOPE = 1000  # columns of the picture of the time series
 
 
@@ -186,8 +186,8 @@ class _Gathering:
     def _of_readings(self, axis: str) -> dict[str, dict[str, np.ndarray]]:
         """Return what effects keep of all that was read of an axis."""
         y = np.ascontiguousarray(self.read.column(axis), float)
-        inputs = Inputs(self.read.t, self.read.dt, axis=axis, slower=self.seen.slower,
-                        axes={a: self.read.column(a) for a in self.read.axes})
+        inputs = Inputs(self.read.t, self.read.dt, self.read.covariates,
+                        {a: self.read.column(a) for a in self.read.axes}, axis, self.seen.slower)
         return {name: kept for name, cls in _known().items()
                 if cls.of_readings and (kept := cls.statistics(y, inputs))}
 
@@ -401,25 +401,6 @@ def _covariates(record: ImuRecord, axes, memory: Memory) -> dict[str, np.ndarray
         out[SQUARE] = total
     memory.rest()
     return out
-
-
-def unrounded(x: np.ndarray) -> np.ndarray:
-    """
-    Return a slow quantity that was read in coarse steps, (n,), as it may have gone on between.
-
-    It crossed the middle between two levels when the reading changed. What changes back as often
-    as not is noise that the steps do not hide, and stays as it is.
-
-    """
-    at = np.flatnonzero(np.diff(x) != 0) + 1
-    if not 2 < len(at) < STAIRS * len(x):
-        return x
-    up = x[at] > x[at - 1]
-    if np.mean(up[1:] != up[:-1]) > TURNS:
-        return x
-    middle = 0.5 * (x[at] + x[at - 1])
-    return np.interp(np.arange(len(x)), np.r_[0, at - 0.5, len(x) - 1],
-                     np.r_[x[0], middle, x[-1]])
 
 
 def _cross_powers(coefficients: Mapping[str, np.ndarray], bins: Bins, memory: Memory):

@@ -376,6 +376,10 @@ class Mean(NoiseEffect):
         """Return it with nothing to choose, where it then follows what is recorded beside."""
         return None
 
+    def unread(self, evidence: Evidence) -> float:
+        """Return how far the mean may go by what it follows and the steps of its readings hide."""
+        return 0.0
+
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
         linear = [p.name for p in self.parameters if p.linear]

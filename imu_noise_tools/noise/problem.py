@@ -13,7 +13,8 @@ import numpy as np
 
 from . import classic, flexible, views
 from .candidates import (
-    at_bound, candidates, no_more_than_chance, no_more_than_less, of_its_kind, Tried
+    at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
+    Tried
 )
 from .curve import model_curve
 from .differences import differences, without_rounding
@@ -291,6 +292,7 @@ class NoiseProblem(Problem):
             without = self.point(unfitted(without))
             self._shapes[key] = at_bound(
                 self.evidence, fit.model[label], fit.estimates.get(label, {})) \
+                or hidden_by_steps(self.evidence, fit.model.minus(label), fit.model[label]) \
                 or no_more_than_less(self, fit, label) \
                 or flexible.shape(self.evidence, fit, without, label, claim) \
                 or no_more_than_chance(self, fit, without, label)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
-from ..thermal import COURSE, moved, powers, readings, TEMPERATURE
+from ..stairs import hidden
+from ..thermal import COURSE, moved, POWERS, powers, readings, TEMPERATURE
 from ..views import slow_mean, slow_rest
 from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
@@ -68,6 +69,30 @@ class Temperature(Mean):
     )
     neutral = {'lag': 0.0, 'smoothing': 0.0}
     optional = ('curvature', 'cubed', 'course')
+    of_readings = True
+
+    @classmethod
+    def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
+        """Return what the steps of its readings hide of the temperature, rms degC, (1,)."""
+        read = inputs.covariates.get(TEMPERATURE)
+        return {} if read is None else {'hidden': np.array([hidden(np.asarray(read, float))])}
+
+    def unread(self, evidence: Evidence) -> float:
+        """
+        Return how far the mean may go, rms, with a temperature that reads the same.
+
+        Beside a course that other axes tell as well it is not the thermometer's steps that hide
+        it.
+
+        """
+        hides = float(evidence.statistics.get(self.name, {}).get('hidden', np.zeros(1))[0])
+        if not hides or self.values.get('read'):
+            return 0.0
+        t = evidence.slow_inputs
+        u = moved(np.asarray(t.covariates[TEMPERATURE], float), t.t, self['lag'],
+                  self.values.get('smoothing', 0.0))
+        law = np.polynomial.Polynomial.fit(u, self.mean(t), POWERS)     # which it is, but for u
+        return hides * float(np.sqrt(np.mean(law.deriv()(u) ** 2)))
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
