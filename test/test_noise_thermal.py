@@ -224,7 +224,7 @@ def test_a_thermometer_read_once_a_second_is_as_coarse_between_its_readings():
     told, held = np.interp(t, np.arange(7200.0), true), true[t.astype(int)]
     np.testing.assert_allclose(hidden(told), hidden(held), rtol=0.01)
     off = np.abs(unrounded(told) - unrounded(held))
-    assert np.mean(off) < 2e-3 and np.max(np.abs(np.diff(unrounded(told)))) < 0.51
+    assert np.mean(off) < 2e-3
 
 
 @pytest.mark.parametrize('noise', [0.3, 0.6])

@@ -270,7 +270,7 @@ def edited(folder, **changes):
 
 def test_no_study_there(tmp_path):
     refused(tmp_path, 'no study.yaml')
-    refused(tmp_path / 'nowhere', 'no study.yaml')
+    refused(tmp_path / 'nowhere', 'no such folder')
 
 
 @pytest.mark.parametrize('text', [
