@@ -6,14 +6,16 @@ Let the loop at mechanisms in the time domain that no effect's own code has insp
 
 Figures for bench/RESULTS.md.
 
-    python bench/mechanisms.py swell|thermal|shake|supply [--count 10] [--first 0]
+    python bench/mechanisms.py swell|thermal|stairs|shake|supply [--count 10] [--first 0]
 
 A record is *right* where all that is found is true, *wrong* where a name is not, else the verdict
 is said. *swell*: a tone whose phase and size wander a few times in the record. *thermal*: board,
 die and element warm up and follow a room that is heated on and off; the bias is straight, bent or
-late; the thermometer is slow and coarse. *shake*: two modes of a mount on a shaken floor, rates
-follow their velocity, accelerations their acceleration, on each axis otherwise mixed. *supply*:
-noise that is louder while something runs, or warms up, or cycles, or is switched on.
+late; the thermometer is slow and coarse. *stairs*: the thermometer is read once a second to a
+whole or half a degree, of the three to ten that it warms up and that the room sways. *shake*: two
+modes of a mount on a shaken floor, rates follow their velocity, accelerations their acceleration,
+on each axis otherwise mixed. *supply*: noise that is louder while something runs, or warms up, or
+cycles, or is switched on.
 
 """
 
@@ -102,6 +104,29 @@ def thermal(rng):
     return record_of(axes, dt, temperature=read), said, {'temperature'}
 
 
+def stairs(rng):
+    """Make a sensor beside a thermometer of a few levels of what the die goes through."""
+    dt, seconds = 0.5, 7200
+    n, s = int(seconds / dt), np.arange(seconds + 1.0)
+    if rng.random() < 0.5:
+        kind = 'air conditioning'
+        warmth = rng.uniform(3, 7) * (1 - np.exp(-s / rng.uniform(1500, 4000)))
+        warmth += rng.uniform(0.6, 1.5) * np.sin(2 * np.pi * s / rng.uniform(900, 2400))
+    else:
+        kind, a, b = 'weather', np.exp(-1 / 600), np.exp(-1 / 200)
+        room = lfilter([1], [1, -a], rng.standard_normal(len(s) + 3000))
+        room = lfilter([1 - b], [1, -b], room)[3000:]
+        warmth = rng.uniform(1.8, 4.5) * (room - room.mean()) / room.std()
+    a = np.exp(-1 / rng.uniform(10, 90))
+    late = lfilter([1 - a], [1, -a], warmth, zi=[a * warmth[0]])[0]
+    u = np.interp(np.arange(n) * dt, s, late - late.mean())
+    step = rng.choice([0.5, 1.0])
+    read = np.interp(np.arange(n) * dt, s, step * np.round((25 + warmth) / step))
+    axes, level = bed(rng, n, dt)
+    axes[0] = axes[0] + level[0] * rng.uniform(0.5, 2) * (u + rng.uniform(-0.2, 0.2) * u**2)
+    return record_of(axes, dt, temperature=read), f'{kind}, in steps of {step}', {'temperature'}
+
+
 def shake(rng):
     """Make a mount with two modes, integrated at eight times the rate."""
     dt = 1 / rng.choice([50.0, 100.0])
@@ -153,11 +178,12 @@ def supply(rng):
 def main():
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('name', choices=('swell', 'thermal', 'shake', 'supply'))
+    parser.add_argument('name', choices=('swell', 'thermal', 'stairs', 'shake', 'supply'))
     parser.add_argument('--count', type=int, default=10)
     parser.add_argument('--first', type=int, default=0)
     args = parser.parse_args()
-    make = {'swell': swell, 'thermal': thermal, 'shake': shake, 'supply': supply}[args.name]
+    make = {'swell': swell, 'thermal': thermal, 'stairs': stairs, 'shake': shake,
+            'supply': supply}[args.name]
     told: dict[str, int] = {}
     for seed in range(args.first, args.first + args.count):
         record, said, true = make(np.random.default_rng([zlib.crc32(args.name.encode()), seed]))
