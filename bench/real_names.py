@@ -202,20 +202,28 @@ def foretold(y, others, known):
 
 # --- samples -------------------------------------------------------------------------------------
 
-def shocks(y, t, evidence):
+def shocks(y, t, evidence, ring=None):
     """
     Tell how loud the record is at the times that a finding tells, beside all of it.
 
-    By the squares of differences over 0.4 s: over the median of all such stretches, and how many
-    of them are as loud. What a single sample reaches chance reaches as well in a million of them.
+    By the squares of differences over 0.4 s, and of what rings by what swings at that frequency in
+    0.4 s: over the median of all such stretches, and how many of them are as loud. What a single
+    sample reaches chance reaches as well in a million of them.
 
     """
-    times = [float(x) for x in re.findall(r'(?<![\w.])\d+(?:\.\d+)?(?=[, ])', evidence
-                                          .partition(' at ')[2])]
+    times = [float(x) for x in re.findall(r'\d+(?:\.\d+)?', evidence.partition(' at ')[2]
+                                          .partition(' s')[0])]
     dt, d = (t[-1] - t[0]) / (len(t) - 1), np.diff(y, prepend=y[0])
-    d, width = (d - np.median(d)) ** 2, max(4, round(0.4 / dt))
-    all_ = np.add.reduceat(d, np.arange(0, len(d) - width, width))[:-1] / width
-    running, out = np.convolve(d, np.ones(width) / width, 'same'), []
+    width = max(4, round(0.4 / dt))
+    if ring:
+        swing = (y - np.median(y)) * np.exp(-2j * np.pi * ring * dt * np.arange(len(y)))
+        running = np.abs(np.convolve(swing, np.ones(width) / width, 'same')) ** 2
+        all_ = running[width // 2::width]
+    else:
+        d = (d - np.median(d)) ** 2
+        all_ = np.add.reduceat(d, np.arange(0, len(d) - width, width))[:-1] / width
+        running = np.convolve(d, np.ones(width) / width, 'same')
+    out = []
     for at in times:
         inside = np.abs(t - t[0] - at) < 1
         if inside.any():
@@ -312,7 +320,7 @@ def check(one, t, axes, axis, before=(), left_out=False):
             'step': ((s > (v.get('time') or 0)) * 1.0, True), 'drift': (np.sqrt(s), False)}
     if name in mean:
         return moved(y, *mean[name])
-    samples = {'shock': lambda: shocks(raw, t, one.get('evidence', '')),
+    samples = {'shock': lambda: shocks(raw, t, one.get('evidence', ''), v.get('ring')),
                'rate_quantization': lambda: grid(raw), 'quantization': lambda: rising(y, raw, dt),
                'variance_change': lambda: loudness(y),
                'gauss_markov': lambda: knee(y, dt, v['tc'])}
