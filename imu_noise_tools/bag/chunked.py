@@ -92,8 +92,8 @@ class ChunkedFile:
             (first, begin), (last, end) = self.outer[id]
             begins, ends = (self.times_at(place, id) if place < self.size else np.zeros(0)
                             for place in (begin, end))
-            self.ends[id] = (int(begins.min()) if len(begins) else first,
-                             int(ends.max()) if len(ends) else last)
+            self.ends[id] = (int(np.min(begins)) if len(begins) else first,
+                             int(np.max(ends)) if len(ends) else last)
         return self.ends.get(id, self.span)
 
     def expected(self, id: int) -> int:
