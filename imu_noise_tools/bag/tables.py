@@ -322,11 +322,11 @@ def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray],
         lines = [second] if columns.headed else [first, second]
         line = 3 - len(lines)
         blocks: list[np.ndarray] = []
-        while more := file.readlines(1 << 22) or lines:
-            lines += more if more is not lines else []
+        lines += file.readlines(1 << 22)
+        while lines:
             blocks.append(_numbers(columns, lines, line, said))
             line += len(lines)
-            lines = []
+            lines = file.readlines(1 << 22)
     table = np.concatenate(blocks)
     found = {n: table[:, k] for k, n in enumerate(columns.place)}
     for name, (factor, more) in columns.scale.items():
