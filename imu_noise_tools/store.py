@@ -503,7 +503,8 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
         ) from None
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(
-            f'{folder}: the study is damaged ({type(error).__name__}: {error})',
+            f'{folder}: the study is damaged, or of another version '
+            f'({type(error).__name__}: {error})',
             'analyse the bag again with --force',
         ) from None
 
