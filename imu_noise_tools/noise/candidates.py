@@ -45,8 +45,9 @@ WHOLE = 1e9  # in the place of CAP where every band counts in full
 # parameters besides the first that are priced at most where names are compared
 MOST_SHAPES = 2
 # cosine coefficients from the slowest on: they hold nearly all that an effect on the mean explains
-UNREAD = 2.0    # of what steps of a reading may hide of a mean, rms, a course is at least
 SLOW = 32
+# times what the steps of a reading may hide of a mean, rms, that a course of its own is at least
+UNREAD = 2.0
 # of the power of a bin: the least that is left of it where sources were known exactly (a choice)
 LEFT = 0.01
 # times the model's power: a peak that has more is not explained, and a filter is fitted beside it
@@ -346,13 +347,15 @@ def _of_rounding(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
 
 
 def hidden_by_steps(evidence: Evidence, model: Model, effect: Effect) -> str:
-    """Say that a course moves a mean no further than what another follows may unseen."""
+    """Say that a course moves a mean no further than steps may hide that another is read in."""
     if not isinstance(effect, Mean) or effect.needs != NoiseEffect.needs:
         return ''
+    hides, name = max(((m.unread(evidence), m.name) for m in model.of(Mean)), default=(0.0, ''))
+    if not hides:
+        return ''
     size = float(np.std(effect.mean(evidence.slow_inputs)))
-    hides = max((m.unread(evidence) for m in model.of(Mean)), default=0.0)
     return '' if size >= UNREAD * hides else (
-        f'it is {size / hides:.2g} of what the steps hide in which the temperature is read')
+        f'it is {size / hides:.2g} of what the steps hide in which that of {name} is read')
 
 
 def _penalty(effect: NoiseEffect) -> float:
