@@ -20,7 +20,7 @@ from pathlib import Path
 import re
 
 from .fields import Fields, TEMPERATURE_UNITS, TIME_UNITS
-from ..core.errors import InputError, unknown, UsageError
+from ..core.errors import InputError, listed, unknown, UsageError
 from ..core.record import AXES
 from ..core.units import INPUT, SI
 
@@ -154,12 +154,13 @@ def _by_names(found: Columns) -> None:
                 found.place[axis] = fits[0]
     if not set(found.place) & set(AXES):
         what = 'has no line of names' if not found.headed else 'its first line names no axis'
-        raise InputError(f'{found.path}: {what}; its columns are {_listed(found.names)}', HOW)
+        raise InputError(
+            f'{found.path}: {what}; its columns are {listed(found.names, LISTED)}', HOW)
     for sensor in SAMPLE:
         there = [a for a in AXES if a.startswith(sensor) and a in found.place]
         if len(there) not in (0, 3):
             raise InputError(f'{found.path}: has {", ".join(there)} but not all three axes; its '
-                             f'columns are {_listed(found.names)}', HOW)
+                             f'columns are {listed(found.names, LISTED)}', HOW)
         if there:
             _unit(found, sensor, _stated(found.names[found.place[there[0]]]))
         if sensor in found.units:
@@ -250,8 +251,3 @@ def _time_unit(found: Columns, unit: str) -> None:
 def _temperature(found: Columns, place: int, unit: str) -> None:
     found.place['temperature'] = place
     found.scale['temperature'] = TEMPERATURE_UNITS.get(unit, (1.0, 0.0))
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f' and {len(names) - LISTED} more' if len(names) > LISTED else ''
-    return ', '.join(names[:LISTED]) + more

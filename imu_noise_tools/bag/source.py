@@ -29,7 +29,7 @@ from .container import (
     size_of,
 )
 from .fields import Fields, known_shape, Shape
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, listed, UsageError
 from ..core.files import plain_yaml, scratch_folder
 
 ZSTD = b'\x28\xb5\x2f\xfd'
@@ -372,9 +372,7 @@ def _kind_of_name(path: Path) -> bool:
 
 def _names(paths: Iterable[Path]) -> str:
     """Return the names of files, not more than a line of them."""
-    names = [p.name for p in paths]
-    more = f' and {len(names) - LISTED} more' if len(names) > LISTED else ''
-    return ', '.join(names[:LISTED]) + more
+    return listed([p.name for p in paths], LISTED)
 
 
 def _nothing(path: Path, why: str) -> InputError:

@@ -15,7 +15,7 @@ from scipy.special import chdtri
 from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
 from ..core.clipped import stays
 from ..core.disturbed import calm
-from ..core.errors import InputError
+from ..core.errors import InputError, listed
 from ..core.record import ImuRecord
 from ..core.statistics import grid_step, in_a_row, median_sigma
 from ..core.stillness import LEAST, still_stretches
@@ -32,6 +32,7 @@ _CLIPPED = 0.02         # a larger share of a rest at the end of the range spoil
 _RULE = 8               # rests of which one can stand out
 _CREEPS = chdtri(3, 1e-6)       # chi-squared of the rate in a rest, three axes
 _ALIKE = chdtri(3, 0.01)        # the same of two rests at one rate: no two hands creep alike
+_LISTED = 4             # poses that a message lists
 _TURNING = 0.2          # rad/s: more than the bias of any gyroscope of today
 
 
@@ -113,7 +114,7 @@ def too_short(record: ImuRecord, seconds: float = STILL_S) -> str:
 def _short_in_words(short: list[tuple[float, float]], seconds: float) -> str:
     if not short:
         return ''
-    said = _some([f'{n:.1f} s at {t:.1f} s' for t, n in short])
+    said = listed([f'{n:.1f} s at {t:.1f} s' for t, n in short], _LISTED)
     enough = [n for _, n in short if n >= _PIECE_S]
     if enough:
         least = max(_PIECE_S, np.floor(10 * min(enough)) / 10)
@@ -277,7 +278,7 @@ def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
     creeps &= ~(np.append(same, False) | np.append(False, same))
     said = [f'{np.degrees(np.linalg.norm(v)):.2f} deg/s at {record.t[r.begin]:.0f} s'
             for r, v, c in zip(found, off, creeps) if c]
-    note = f'rests that still turn are no ends of turns: {_some(said)}'
+    note = f'rests that still turn are no ends of turns: {listed(said, _LISTED)}'
     return [r for r, c in zip(found, creeps) if not c], [note] if said else []
 
 
@@ -470,15 +471,10 @@ def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, .
            for name, (face, angle) in zip(poses.names, found)]
     away = [said for angle, said in off if angle > cone_deg]
     doubtful = [said for angle, said in off if cone_deg / 2 < angle <= cone_deg]
-    notes = [f'left out as no face: {_some(away)}'] if away else []
-    notes += [f'off their faces: {_some(doubtful)}'] if doubtful else []
+    notes = [f'left out as no face: {listed(away, _LISTED)}'] if away else []
+    notes += [f'off their faces: {listed(doubtful, _LISTED)}'] if doubtful else []
     keep = [k for k, (angle, _) in enumerate(off) if angle <= cone_deg]
     return named(poses, cone_deg).take(np.array(keep, int)), tuple(notes)
-
-
-def _some(items, most: int = 4) -> str:
-    more = f' and {len(items) - most} more' if len(items) > most else ''
-    return ', '.join(items[:most]) + more
 
 
 def because(notes: Iterable[str]) -> str:

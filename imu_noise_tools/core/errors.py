@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 
@@ -58,3 +58,9 @@ def unknown(what: str, name: object, known: Iterable[str]) -> UsageError:
     near = get_close_matches(str(name), names, 1)
     meant = f'did you mean {near[0]}? ' if near else ''
     return UsageError(f'unknown {what} {name}', f'{meant}choose from {", ".join(names)}')
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return names in a line, and how many more there are than these."""
+    more = f' and {len(names) - most} more' if len(names) > most else ''
+    return ', '.join(names[:most]) + more
