@@ -305,8 +305,8 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     narrow peak that no start meets, or a knee whose fall hides the filter's; or what other
     channels tell, or the sensor's own that was missing there. Beside such it is asked again where
     that has been met, the same form too, for it may have ended at the bound of what is optional.
-    Of each form the best start, of these the best ``most``; none where the model has no such
-    noise, or neither of them is new in it.
+    Of each form the best start, of these the best ``most``, and the form that it has where that is
+    as good as they; none where the model has no such noise, or neither of them is new in it.
 
     """
     here, out = found.with_search(x), []
@@ -321,7 +321,11 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
     for e in here.of(Response):
         if e.label in searched:
             best = _of_each_form(found, x, here, e)
-            out += sorted(best.values(), key=lambda z: z[0])[:most]
+            form = tuple(e[p.name] for p in e.parameters if p.choices)
+            ranked = sorted(best, key=lambda z: best[z][0])
+            # what begins in the form that is there mostly ends there: it takes no other's place
+            others = [z for z in ranked if z != form][:most]
+            out += [best[z] for z in ranked if z in others or z == form and ranked.index(z) < most]
     return [(other, x0) for _, other, x0 in out]
 
 
