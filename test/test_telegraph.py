@@ -6,8 +6,9 @@
 from itertools import product
 
 import numpy as np
+from params import daily
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 from scipy.stats import multivariate_normal, norm
 
 from hidden import flicker, white
@@ -172,6 +173,29 @@ def test_levels_are_told_behind_a_filter_that_remembers(seed, two):
     assert fit.model['rts']['tau'] == pytest.approx(0.22 if two else 0.23, rel=0.2)
     bonus = fit.model['rts'].bonus(problem.evidence, fit)
     assert bonus > 30 if two else bonus < 3
+
+
+@pytest.mark.parametrize('of', daily(
+    ((0.157, 6.0, 3.0), (0.06, 6.0, 3.0), (0.3, 2.0, 3.0), (0.0872, 27.8, 0.66)),
+    (0.157, 6.0, 3.0)))
+@pytest.mark.parametrize('two', [True, False])
+def test_dwells_of_no_more_than_a_filter_remembers_are_told(two, of):
+    """What is white but for little is not taken for white: the last was 80 nats on one side."""
+    tau, cutoff, size = of
+    rng, n, dt, times = np.random.default_rng([451, int(1e4 * tau)]), 70_000, 0.005, 4
+    keep = np.exp(-2 * dt / times / tau)
+    x = 2.0 * (np.cumsum(rng.random(n * times) < 0.5 * (1 - keep)) % 2) - 1 if two else lfilter(
+        [np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(n * times))
+    x = size * x + 0.18 * np.sqrt(times / dt) * rng.standard_normal(n * times)
+    x = lfilter(*butter(2, 2 * cutoff * dt / times), x)[::times]
+    y = 1e-6 * np.column_stack([x, *rng.standard_normal((2, n))])
+    y[:, 0] += 3e-8 / np.sqrt(dt) * rng.standard_normal(n)
+    record = ImuRecord(y, None, np.arange(n) * dt, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', ['white', 'flicker', 'random_walk', 'low_pass', 'rts']))
+    bonus = fit.model['rts'].bonus(problem.evidence, fit)
+    least = 10 if size > 1 else -3     # a weak one may not be told, but for what it is not
+    assert bonus > least if two else bonus < -least
 
 
 @pytest.mark.parametrize('later, asked', [

@@ -29,10 +29,11 @@ _KEPT = 128  # segments kept of each of them
 _BELOW = 60.0  # dwells in a period from which on a short stretch says nothing of the levels
 _FEW, _LIKELY = 16, 64  # segments that tell which values are likeliest, and how many are kept
 _SEGMENT = 128  # block means that are filtered one after another; segments go side by side
-_FLAT = 0.98  # spectral flatness of white noise behind filters that is taken for white
+_LOST = 3.0  # nats, by taking noise behind filters for white
 _UNKNOWN = 64  # steps of what wanders by which it is anywhere at the beginning of a segment
 _LAGS = 1 << 12  # samples over which noise is asked for what it remembers
 _OF_GRID = 1.5  # steps of the output's grid: no more, and it may be the grid that jumps
+_LONG, _NEAR = 3.0, 0.5  # widths of means, and how often as far apart, in dwells that show
 _HELD = 24.0  # times that it is on one level in a dwell: six means of four, near enough to normal
 
 
@@ -165,8 +166,8 @@ class Rts(Spectrum):
         if self._of_grid(evidence, self['step'], self['tau']):
             return 0.0
         z, t, width = self._whitened(evidence, fit)
-        if len(z) < 2 or self['tau'] < 3 * width:
-            return 0.0  # too few means, or too long to show the levels
+        if len(z) < 2:
+            return 0.0  # too few means that show the levels
         noise = 0.5 * np.mean(np.diff(z, axis=1) ** 2)
         grid = np.array(list(product(
             self['step'] * np.array([0.7, 0.85, 1.0, 1.2, 1.4]),
@@ -188,15 +189,20 @@ class Rts(Spectrum):
         """
         Return (z, t, width): segments of means (rows, k) whose noise is white, and their times.
 
-        As long as the dwells allow; or, behind a filter, further apart than that remembers.
+        As long as the dwells allow; or, behind a filter, further apart than that remembers: these
+        may be as far as dwells are long, for they smear no levels. None where no means show them.
 
         """
         z, t, width = self._means(evidence, fit)
         some = int(np.clip(self['tau'] / (6 * width), 1, max(1, len(z) // (4 * _SEGMENT))))
-        means = _white(evidence, fit, 0.5 / (some * width))
+        length = round(width / evidence.dt)
+        means = _are_white(_correlations(evidence, fit, length * some), len(z) // some)
         if not means:
-            some = _apart(evidence, fit, width, max(1, len(z) // (2 * _SEGMENT)))
-        if not some:
+            alike = _correlations(evidence, fit, length)
+            some = next((k for k in range(1, max(1, len(z) // (2 * _SEGMENT)) + 1)
+                         if _are_white(alike[::k], len(z) // k)), len(z))
+        least = max(_LONG * width, (_LONG if means else _NEAR) * some * width)
+        if self['tau'] < least:
             return z[:0, None], t[:0, None], width
         z = z[: len(z) // some * some].reshape(-1, some)
         z = z.mean(axis=1) if means else z[:, -1]
@@ -218,7 +224,7 @@ class Rts(Spectrum):
     def _means(self, evidence, fit):
         """Return (means, times, width) without drift: of the record, or of less if they smear."""
         slow = evidence.common.slow_length * evidence.dt
-        short = self._short(evidence, fit) if self['tau'] < 3 * slow else None
+        short = self._short(evidence, fit) if self['tau'] < _LONG * slow else None
         return short or (self._without_drift(evidence, fit), evidence.slow_t, slow)
 
     def _share(self, evidence: Evidence, fit: Fit) -> float:
@@ -271,7 +277,7 @@ class Rts(Spectrum):
         """
         kept = evidence.kept(self.name)
         lengths = [k for k in _SHORT
-                   if f'means_{k}' in kept and self['tau'] >= 3 * k * evidence.dt]
+                   if f'means_{k}' in kept and self['tau'] >= _LONG * k * evidence.dt]
         if not lengths:
             return None
         length = lengths[-1]
@@ -285,7 +291,7 @@ class Rts(Spectrum):
     def portraits(self, evidence: Evidence, fit: Fit) -> dict[str, Callable[[], Portrait]]:
         """Return its levels in time and how long it dwells, where block means can show them."""
         width = evidence.common.slow_length * evidence.dt
-        if not 3 * width < self['tau'] < evidence.duration / 6:
+        if not _LONG * width < self['tau'] < evidence.duration / 6:
             return {}
         return {'levels_of_the_telegraph': lambda: self._levels(evidence, fit, width),
                 'dwell_times': lambda: self._dwells(evidence, fit, width)}
@@ -371,34 +377,24 @@ def _power(evidence: Evidence, fit: Fit, flat: bool, but: str = '') -> np.ndarra
                np.zeros(len(evidence.whole.bins.f)))
 
 
-def _white(evidence: Evidence, fit: Fit, most: float) -> bool:
-    """Tell whether white noise is as white up to a frequency (Hz), behind filters, as seen."""
-    white, bins = _power(evidence, fit, flat=True), evidence.whole.bins
-    if not np.any(white > 0):
-        return True
-    some = (bins.f <= most) & (white > 0)
-    seen, count = white[some], bins.count[some]
-    # the spectral flatness: the geometric over the arithmetic mean
-    return bool(np.exp(np.average(np.log(seen), weights=count))
-                > _FLAT * np.average(seen, weights=count))
-
-
-def _apart(evidence: Evidence, fit: Fit, width: float, most: int) -> int:
-    """
-    Return of how many means of a width (s) one is white beside the next, 0 where none of ``most``.
-
-    Of small correlations r_j the spectral flatness is 1 - sum r_j^2.
-
-    """
-    bins, dt = evidence.whole.bins, evidence.dt
+def _correlations(evidence: Evidence, fit: Fit, length: int) -> np.ndarray:
+    """Return those of means over ``length`` samples of white noise, one after another (k,)."""
+    white, dt = _power(evidence, fit, flat=True), evidence.dt
     f = np.fft.rfftfreq(_LAGS, dt)
-    white = _power(evidence, fit, flat=True)
-    m = round(width / dt)
-    alike = np.fft.irfft(np.interp(f, bins.f, white)
-                         * (np.sinc(m * f * dt) / np.sinc(f * dt)) ** 2)[:_LAGS // 2:m]
-    alike = alike / alike[0]
-    return next((k for k in range(1, min(most, len(alike) - 1) + 1)
-                 if np.sum(alike[k::k] ** 2) < 1 - _FLAT), 0)
+    seen = np.interp(f, evidence.whole.bins.f, white) if np.any(white > 0) else np.ones(len(f))
+    smeared = np.fft.irfft(seen * (np.sinc(length * f * dt) / np.sinc(f * dt)) ** 2)
+    alike = smeared[:_LAGS // 2:length]
+    return alike / alike[0]
+
+
+def _are_white(correlations: np.ndarray, count: int) -> bool:
+    """
+    Tell whether as many values with correlations (k,) are as good as white.
+
+    What is lost by taking them for that is sum r_j^2/2 nats a value, where they are small.
+
+    """
+    return bool(0.5 * count * np.sum(correlations[1:] ** 2) < _LOST)
 
 
 def _gauss_markov(z, loud, width, step, tau, noise, drift) -> float:
