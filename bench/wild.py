@@ -27,6 +27,7 @@ Outcomes:
 """
 import argparse
 from concurrent.futures import ProcessPoolExecutor
+from itertools import groupby
 import json
 import os
 import pathlib
@@ -39,6 +40,7 @@ import numpy as np
 import wild_mechanisms
 
 KINDS = ('nothing', 'one', 'two', 'three', 'lines', 'outside')
+ACCEL = ('accel_x', 'accel_y', 'accel_z')
 COMMAND = pathlib.Path(sys.executable).parent / 'imu_noise'
 
 
@@ -161,6 +163,8 @@ def judge(job):
     started = time.process_time()
     record = getattr(wild_mechanisms, kind)(seed)
     truth = record.truth
+    if kind == 'nothing':
+        axes = _with_accelerometer(record, axes)
     row = {'kind': kind, 'seed': seed, 'grade': truth['grade'], 'rate_hz': truth['rate_hz'],
            'samples': truth['samples'], 'fit': truth['fit']}
     with tempfile.TemporaryDirectory(prefix='wild_') as name:
@@ -212,6 +216,13 @@ def judge(job):
     return rows
 
 
+def _with_accelerometer(record, axes):
+    """Return the axes that a record with nothing hidden has; its truth then has them all."""
+    for axis, values in zip(ACCEL, record.plan.bed.accel_base):
+        record.truth['base'][axis] = dict(zip('NBK', map(float, values)))
+    return [a for a in axes if a not in ACCEL or record.accel is not None]
+
+
 def _read(text):
     try:
         return json.loads(text)
@@ -243,6 +254,9 @@ def table(rows):
     none = [r for r in rows if not r['hidden']]
     _share('nothing hidden: complete', none, lambda r: r['verdict'] == 'complete')
     _share('nothing hidden: a name given', none, lambda r: r['judged'] == 'wrong')
+    records = [list(some) for _, some in groupby(none, key=lambda r: (r['kind'], r['seed']))]
+    _share('nothing hidden, six axes: complete', [r for r in records if len(r) == 6],
+           lambda r: all(x['verdict'] == 'complete' for x in r))
     one = [r for r in of['one'] if r['hidden']]
     clear = [r for r in one if r['clear']]
     strong = [r for r in clear if r['hidden'][0]['strength'] >= 1]
@@ -322,7 +336,8 @@ def main():
     parser.add_argument('--count', type=int, default=10)
     parser.add_argument('--seed', type=int, default=0, help='the first seed')
     parser.add_argument('--jobs', type=int, default=2)
-    parser.add_argument('--axes', default='gyro_x', help='gyroscope axes, with commas')
+    parser.add_argument('--axes', default='gyro_x', help='gyroscope axes, with commas; of nothing '
+                        'hidden those of the accelerometer, too, or all')
     parser.add_argument('--limit', type=float, default=600, help='seconds for one process')
     parser.add_argument('--keep', help='a folder for the records')
     parser.add_argument('-o', '--output', default='wild.jsonl')
@@ -332,12 +347,14 @@ def main():
     if args.table:
         table([json.loads(line) for name in args.table for line in open(name)])
         return
-    axes = args.axes.split(',')
-    if not set(axes) <= set(wild_mechanisms.AXES):
-        parser.error(f'axes are of {wild_mechanisms.AXES}')
     kinds = KINDS if args.kind == 'all' else args.kind.split(',')
+    known = (*wild_mechanisms.AXES, *(ACCEL if kinds == ['nothing'] else ()))
+    axes = list(known) if args.axes == 'all' else args.axes.split(',')
+    if not set(axes) <= set(known):
+        parser.error(f'axes are of {known}')
     if not set(kinds) <= set(KINDS):
         parser.error(f'kinds are of {KINDS}')
+    always = [a for a in axes if a not in ACCEL] or axes    # not every record has the others
     if args.keep:
         pathlib.Path(args.keep).mkdir(parents=True, exist_ok=True)
     output = pathlib.Path(args.output)
@@ -345,7 +362,7 @@ def main():
     done = {(r['kind'], r['seed'], r['axis']) for r in rows}
     jobs = [(kind, seed, axes, args.keep, args.limit) for kind in kinds
             for seed in range(args.seed, args.seed + args.count)
-            if not all((kind, seed, axis) in done for axis in axes)]
+            if not all((kind, seed, axis) in done for axis in always)]
     with ProcessPoolExecutor(args.jobs) as pool, open(output, 'a') as out:
         for many in pool.map(judge, jobs):
             for r in many:
