@@ -164,7 +164,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
         return None, (f'the gyroscope is left out: {error.message}',)
     core.refuse_crossed_axes(turns)
     try:
-        return core.calibrate_turns(turns, notes=notes), ()
+        return core.calibrate_turns(turns, notes, better), ()
     except (InputError, FitError) as error:
         if asked:
             raise
