@@ -19,6 +19,8 @@ import hashlib
 import io
 import math
 from pathlib import Path
+import re
+import shlex
 from typing import Any
 import zipfile
 
@@ -29,11 +31,12 @@ from .core import units
 from .core.errors import ImuNoiseError, InputError
 from .core.files import plain_yaml
 from .loop.diagnosis import Diagnosis, Remaining
-from .loop.domains import DOMAINS, package
+from .loop.domains import DOMAINS, OLDEST, package
 from .loop.effect import Estimate, find_effect, Finding, Model, Parameter, registry
 from .loop.study import assess, Contrast, Step, Study
 
-FORMAT = 'imu_noise_study/1'
+NEWEST = 2      # raised where an older version would read what is written as something else
+FORMAT = f'imu_noise_study/{NEWEST}'
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
 ALIKE = 0.75        # of two names, from which one is meant by the other
 _LADDER = 'ladder.'       # what the rungs' pictures show, among the arrays of evidence.npz
@@ -383,16 +386,21 @@ def fingerprint(folder: str | Path) -> str:
 
 
 def read(folder: str | Path) -> dict:
-    """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
+    """
+    Return the plain data of a folder's study.yaml, of any format so far.
+
+    Raise InputError for anything else. Who goes on to the evidence asks :func:`refuse_older` too.
+
+    """
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
         raise not_in(folder, 'study.yaml', 'name a folder that analyse, calibrate or filter wrote')
     data = load_yaml(path)
-    if (
-        not isinstance(data, dict)
-        or data.get('format') != FORMAT
-        or str(data.get('domain')) not in DOMAINS
-    ):
+    number = _format_of(data)
+    if number > NEWEST:
+        raise InputError(f'{path}: a study of format {number}, for which this version is too old '
+                         f'(it reads up to {NEWEST})', 'update imu_noise_tools')
+    if not number or str(data.get('domain')) not in DOMAINS:
         raise InputError(
             f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
         )
@@ -402,6 +410,25 @@ def read(folder: str | Path) -> dict:
             f'{path}: the study is damaged at {wrong}', 'analyse the bag again with --force'
         )
     return data
+
+
+def _format_of(data: Any) -> int:
+    """Return the number of the format that plain data states, 0 for none."""
+    stated = str(data.get('format')) if isinstance(data, dict) else ''
+    found = re.fullmatch(r'imu_noise_study/([0-9]{1,6})', stated)
+    return int(found[1]) if found else 0
+
+
+def refuse_older(data: Mapping, folder: str | Path) -> None:
+    """Raise InputError where the evidence beside what :func:`read` gave is of an older format."""
+    number = _format_of(data)
+    if number >= OLDEST[str(data['domain'])]:
+        return
+    path = data['source'].get('path')
+    bag = shlex.quote(path) if path and isinstance(path, str) else 'BAG'
+    raise InputError(
+        f'{folder}: a study of format {number}, written by an older version',
+        f'make it anew: imu_noise analyse {bag} -o {shlex.quote(str(folder))} --force')
 
 
 def not_in(folder: str | Path, name: str, remedy: str) -> InputError:
@@ -470,11 +497,12 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
     Raises
     ------
     InputError
-        No study, a damaged one, or one with effects that are not known (give their file with
-        ``--effects-from``).
+        No study, a damaged one, one of an older or newer format, or one with effects that are not
+        known (give their file with ``--effects-from``).
 
     """
     data = read(folder)
+    refuse_older(data, folder)
     arrays = load_arrays(Path(folder) / 'evidence.npz')
     try:
         problems = package(data['domain']).problems(
@@ -503,8 +531,7 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
         ) from None
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise InputError(
-            f'{folder}: the study is damaged, or of another version '
-            f'({type(error).__name__}: {error})',
+            f'{folder}: the study is damaged ({type(error).__name__}: {error})',
             'analyse the bag again with --force',
         ) from None
 

@@ -451,6 +451,19 @@ def test_round_trip(name, tmp_path):
     write_bag(path, record, force=True)
 
 
+@pytest.mark.parametrize('kept', ['a.mcap', 'a.db3'])
+def test_a_rosbag1_beside_a_rosbag2_is_said_to_be_left_out(kept, tmp_path):
+    """One is the other converted, as a rule: of a folder of both the newer kind is read."""
+    record = bad_input.still(5)
+    write_bag(tmp_path / kept, record)
+    write_bag(tmp_path / 'b.bag', record)
+    write_bag(tmp_path / 'c.bag', record)
+    found = open_record(tmp_path)
+    assert found.n == record.n
+    assert [w for w in found.warnings if 'left out' in w] == [
+        'b.bag, c.bag: left out (rosbag1 beside rosbag2; name one of them to read it)']
+
+
 def test_zstd_sqlite3_and_rosbag1_by_storage(tmp_path):
     """Storage and compression are chosen by name."""
     record = bad_input.still(20)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_noise_tools import calibration as core
+from imu_noise_tools import calibration as core, store
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import FitError, InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
@@ -486,6 +486,20 @@ def test_a_session_takes_samples_in_the_unit_of_the_file_that_it_loads(tmp_path)
     np.testing.assert_array_equal(session.in_si([1, 0, 0], [0, 0, 1]), [[1, 0, 0], [0, 0, 1]])
     with pytest.raises(InputError, match='input_unit .* is not known'):
         session.load(stated(tmp_path / 'c.yaml', input_unit={'accel': 'ft/s^2'}))
+
+
+def test_a_calibration_is_read_once(tmp_path, monkeypatch):
+    """Else values, unit and doubts may be of two, where it is calibrated again meanwhile."""
+    file = stated(tmp_path / 'c.yaml', input_unit={'accel': 'g'})
+    rng = np.random.default_rng(3)
+    bag = write(tmp_path / 'a.npz', np.arange(50) / 100, rng.normal(size=(50, 3)),
+                rng.normal(size=(50, 3)))
+    read, whole = [], store.load_yaml
+    monkeypatch.setattr(store, 'load_yaml', lambda *a: read.append(a) or whole(*a))
+    tasks.apply_calibration(bag, tmp_path / 'b.npz', file)
+    assert len(read) == 1
+    tasks.Session().load(file)
+    assert len(read) == 2
 
 
 def test_failing_commands_leave_nothing(tmp_path, capsys):

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imu_noise_tools.calibration.turn_problem import TurnsProblem
 from imu_noise_tools.cli import text
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
@@ -165,22 +164,6 @@ def test_parameters_that_go_together_are_not_too_sure():
     evaluate.span = 1.0
     free = SimpleNamespace(scale=lambda span: np.array([0.5, 0.5]), at=lambda x: x)
     assert _covariance(free, np.zeros(2), 0.0, evaluate) == pytest.approx(exact)
-
-
-def test_a_gyroscope_refers_to_axes_that_may_be_assumed():
-    """Two sessions: in one the axes are known to 0.1 rad alone."""
-    def fits(of_axes, s_xy):
-        own = {'S_xy': Estimate(s_xy, 1e-4, (s_xy - 2e-4, s_xy + 2e-4))}
-        details = SimpleNamespace(keys=(('cross_axis', 'S_xy'),), cov=np.array([[of_axes**2]]))
-        return {'gyro': SimpleNamespace(estimates={'cross_axis': own}, details=details),
-                'accel': SimpleNamespace(details=details)}
-
-    of = SimpleNamespace(target='gyro')
-    _, x, y = TurnsProblem.comparable(of, fits(1e-4, 0.0), of, fits(0.1, 0.05))[
-        'cross_axis', 'S_xy']
-    assert x.std == pytest.approx(np.sqrt(2) * 1e-4) and y.std == pytest.approx(0.1)
-    parameter = find_effect('calibration', 'cross_axis').parameters[0]
-    assert _apart(parameter, x, y) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_a_row_is_a_line_of_80_columns(monkeypatch):

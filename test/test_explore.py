@@ -212,10 +212,20 @@ def test_a_recording_is_analysed_first(tmp_path):
 def test_what_cannot_be_opened_is_one_line(tmp_path, capsys, folder):
     assert main(['explore', str(tmp_path / 'no.bag'), '--no-browser']) == 1
     assert capsys.readouterr().err.startswith('imu_noise: ')
+    assert main(['explore', str(folder)[:-1], '--no-browser']) == 1
+    assert capsys.readouterr().err == (f'imu_noise: {str(folder)[:-1]}: no such file or folder: '
+                                       f'did you mean {folder}?\n')
     text = (folder / 'study.yaml').read_text().replace('source:\n', 'source:\n  sheet: x\n', 1)
     (folder / 'study.yaml').write_text(text)
     assert main(['explore', str(folder), '--no-browser']) == 1
     assert 'data sheet' in capsys.readouterr().err
+
+
+def test_a_study_of_an_older_version_is_refused_before_the_page_opens(folder, capsys):
+    text = (folder / 'study.yaml').read_text().replace('_study/2', '_study/1', 1)
+    (folder / 'study.yaml').write_text(text)
+    assert main(['explore', str(folder), '--no-browser']) == 1
+    assert 'a study of format 1, written by an older version: make it' in capsys.readouterr().err
 
 
 def test_without_the_framework_the_extra_is_named(folder, capsys, monkeypatch):

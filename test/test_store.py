@@ -10,6 +10,7 @@ import math
 import struct
 import zipfile
 
+import calibration_sessions as sim
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -17,7 +18,8 @@ import pytest
 import yaml
 
 import hidden
-from imu_noise_tools import store
+from imu_noise_tools import calibration, store
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop import effect
@@ -28,6 +30,9 @@ from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import arrays_of, NoiseProblem, problems
+from imu_noise_tools.simulate import simulate
+from imu_noise_tools.tasks.calibration import study_of
+from imu_noise_tools.tasks.filter import from_study
 
 
 @pytest.fixture(scope='module')
@@ -116,11 +121,23 @@ def test_a_diagnosis_by_a_former_name_of_a_parameter(folder):
     assert written['pattern']['value'] == 'regular' and 'regular' not in written
 
 
+def test_a_specification_by_a_former_name_of_a_parameter():
+    """It gives the record that the name of today gives; both at once are refused."""
+    def record(**held):
+        return simulate({'rate_hz': 100, 'duration_s': 2, 'targets': {'gyro_x': {
+            'white': {'N': 1e-4}, 'duplicates': {'fraction': 0.5, **held}}}})[0].gyro
+
+    np.testing.assert_array_equal(record(regular=1), record(pattern='regular'))
+    assert find_effect('noise', 'duplicates')({'regular': 1.0}).chosen('pattern') == 'regular'
+    with pytest.raises(InputError, match='duplicates has no parameter regular: '):
+        record(regular=1, pattern='random')
+
+
 def test_form_of_the_file(folder):
     """Others read it, so it stays as it is: names, nulls with limits, plain numbers."""
     data = yaml.safe_load((folder / 'study.yaml').read_text(encoding='utf-8'))
     assert list(data) == ['format', 'domain', 'source', 'targets', 'history', 'diagnosis']
-    assert data['format'] == 'imu_noise_study/1' and data['diagnosis'] == {}
+    assert data['format'] == 'imu_noise_study/2' and data['diagnosis'] == {}
     x = data['targets']['gyro_x']
     assert x['unit'] == 'rad/s'
     assert list(x['effects']) == ['white', 'flicker', 'random_walk', 'sinusoid', 'sinusoid.2',
@@ -274,12 +291,58 @@ def test_no_study_there(tmp_path):
 
 
 @pytest.mark.parametrize('text', [
-    '', 'just words', '[1, 2]', 'format: imu_noise_study/2\ndomain: noise\n',
+    '', 'just words', '[1, 2]', 'format: imu_noise_study/two\ndomain: noise\n',
+    'format: imu_noise_study/0\ndomain: noise\n',
     'format: imu_noise_study/1\ndomain: cooking\n', 'format: imu_noise_study/1\n',
     'format: imu_noise_study/1\ndomain: [noise]\n'])
 def test_another_format(folder, text):
     (folder / 'study.yaml').write_text(text)
     refused(folder, 'not a study')
+
+
+@pytest.mark.parametrize('command', ['compare', 'diagnose', 'add', 'plan', 'export'])
+def test_a_noise_study_of_an_older_version(folder, command, capsys):
+    """Its evidence means something else now: it is not read, and what makes it anew is said."""
+    edited(folder, format='imu_noise_study/1', source={'path': 'my bags/a.mcap'})
+    more = ['--format', 'kalibr', '-o', '-'] if command == 'export' else []
+    assert main([command, str(folder), *more]) == 1
+    assert capsys.readouterr().err == (
+        f'imu_noise: {folder}: a study of format 1, written by an older version: make it anew: '
+        f"imu_noise analyse 'my bags/a.mcap' -o {folder} --force\n")
+
+
+def test_an_older_study_that_names_no_recording(folder):
+    edited(folder, format='imu_noise_study/1', source={})
+    refused(folder, 'a study of format 1, written by an older version')
+    with pytest.raises(InputError, match='make it anew: imu_noise analyse BAG -o '):
+        store.load(folder)
+
+
+def test_plain_numbers_of_an_older_study_are_read(folder, capsys):
+    """As the ladder, and what states the noise for a filter."""
+    edited(folder, format='imu_noise_study/1')
+    assert main(['history', str(folder)]) == 0 and 'sinusoid' in capsys.readouterr().out
+    assert 'white' in from_study(folder)[1][0]
+
+
+def test_an_older_calibration_is_read(tmp_path):
+    rng = np.random.default_rng(1)
+    t, rates, force, _ = sim.stream(sim.Device(noise=0.02), sim.spread_directions(14, rng), rng)
+    poses, _ = calibration.positions(ImuRecord(rates, force, t, 100.0), sim.G)
+    begun = study_of(calibration.calibrate(poses))
+    for name, content in store.study_files(begun).items():
+        data = content if isinstance(content, bytes) else content.encode()
+        (tmp_path / name).write_bytes(data)
+    edited(tmp_path, format='imu_noise_study/1')
+    bias, as_was = (s.states['accel'].fit.estimates['bias'] for s in (store.load(tmp_path), begun))
+    assert [e.value for e in bias.values()] == pytest.approx([e.value for e in as_was.values()])
+
+
+def test_a_newer_study(folder):
+    edited(folder, format='imu_noise_study/3', targets='of another shape')
+    refused(folder, 'a study of format 3, for which this version is too old')
+    with pytest.raises(InputError, match='too old .*: update imu_noise_tools'):
+        store.read(folder)
 
 
 @pytest.mark.parametrize('text', [

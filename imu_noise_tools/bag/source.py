@@ -164,7 +164,11 @@ class Bag:
         if parts:
             return parts, True
         parts = [p for p in there if _kind_of_name(p)]
-        parts = parts or [p for p in there if p.name.endswith('.bag')]
+        others = [p for p in there if p.name.endswith('.bag')]
+        if parts and others:        # the same, converted, as a rule
+            self._said.append(f'{_names(others)}: left out (rosbag1 beside rosbag2; name one of '
+                              'them to read it)')
+        parts = parts or others
         if not parts:
             raise self._no_bag(there)
         return parts, bool(listed)

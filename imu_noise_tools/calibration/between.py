@@ -58,6 +58,9 @@ class Turns:
         Mean outputs at rest, inputs zero.
     hidden : ndarray (3,)
         What the step of the output hides of the bias, rad/s rms: all rests share it.
+    axes : ndarray (3,)
+        By what angle about x, y and z the accelerometer's axes may be off, rad rms: all turns
+        share it.
 
     """
 
@@ -72,6 +75,7 @@ class Turns:
     spread: np.ndarray
     rests: Poses
     hidden: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axes: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def n(self) -> int:
@@ -103,18 +107,19 @@ class Turns:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return all but the rests as plain arrays by name, for an npz file; shapes as above."""
-        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS, 'hidden')}
+        return {k: np.asarray(getattr(self, k)) for k in (*_SAMPLES, *_TURNS, *_SHARED)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any], rests: Poses) -> Turns:
         """Return the turns that :meth:`to_arrays` wrote."""
         found = {k: np.array(arrays[k], float) for k in (*_SAMPLES, *_TURNS)}
-        least = np.array(arrays.get('hidden', np.zeros(3)), float)
-        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests, hidden=least)
+        shared = {k: np.array(arrays.get(k, np.zeros(3)), float) for k in _SHARED}
+        return cls(**{**found, 'turn': found['turn'].astype(int)}, rests=rests, **shared)
 
 
 _SAMPLES = ('gyro', 'force', 'step', 'temperature', 'time', 'turn')
 _TURNS = ('before', 'after', 'spread')
+_SHARED = ('hidden', 'axes')        # which older studies lack
 
 
 def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: float) -> Turns:

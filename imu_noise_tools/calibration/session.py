@@ -275,7 +275,7 @@ class Session:
         every = together(parts)
         refuse_crossed_axes(every)
         try:
-            self.gyro = calibrate_turns(every)
+            self.gyro = calibrate_turns(every, accel=accel)
         except (InputError, FitError) as error:
             self.calibration = replace(accel, notes=(
                 *accel.notes, f'the gyroscope is left out: {error.message}'))

@@ -21,7 +21,7 @@ from .linear import equations
 from .poses import FACES, nearest_face, Poses, unit
 from .positions import because, CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
-from .turn_problem import SCALE_STD, TurnsProblem
+from .turn_problem import off_axes, SCALE_STD, TurnsProblem
 from ..core.errors import FitError, InputError
 from ..loop.diagnosis import diagnose
 from ..loop.effect import Fit, Model
@@ -87,8 +87,9 @@ class Calibration:
 
     @property
     def std(self) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of S (3, 3) and bias (3,); 0 for what was set."""
-        return standard_deviations(self.fit)
+        """Standard deviations of S (3, 3) and bias (3,), as estimated; 0 for what was set."""
+        return _table({(label, name): e.std for label, found in self.fit.estimates.items()
+                       for name, e in found.items() if e.std is not None})
 
     @property
     def correction(self) -> Correction:
@@ -107,8 +108,17 @@ class Calibration:
 
 
 def standard_deviations(fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard deviations of S (3, 3) and bias (3,); 0 for what is not fitted."""
-    std = dict(zip(fit.details.keys, np.sqrt(np.diag(fit.details.cov))))
+    """
+    Return the standard deviations of S (3, 3) and bias (3,); 0 for what is not fitted.
+
+    Those of turns are beside the accelerometer's axes, whatever these are.
+
+    """
+    return _table(dict(zip(fit.details.keys, np.sqrt(np.diag(fit.details.cov)))))
+
+
+def _table(std: Mapping[tuple[str, str], float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is known by label and name as S (3, 3) and bias (3,); 0 for what is not."""
     s = np.array([[std.get(('scale' if k == m else 'cross_axis', f'S_{k}{m}'), 0.0) for m in 'xyz']
                   for k in 'xyz'])
     return s, np.array([std.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
@@ -181,9 +191,12 @@ def stated(
     return Calibration(problem, fit, plain, tuple(notes), tuple(warnings))
 
 
-def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
+def calibrate_turns(turns: Turns, notes: Iterable[str] = (),
+                    accel: Calibration | None = None) -> Calibration:
     """
     Return the gyroscope's calibration by the turns between rests, or refuse it.
+
+    Cross-axis terms are no better known than the axes of the accelerometer that they refer to.
 
     Raises
     ------
@@ -200,6 +213,8 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = ()) -> Calibration:
                          f'terms of a gyroscope{because(notes)}',
                          f'hold {_TURN_ROWS // 2 + 1} poses or more, '
                          'turning about all axes between them')
+    if accel is not None:
+        turns = replace(turns, axes=off_axes(accel.fit))
     problem = TurnsProblem.of(turns)
     fit = problem.fit(solve.base_model())
     _refuse_failure(fit, problem.poses, 'turns')

@@ -21,8 +21,7 @@ from .poses import joined, Poses
 from .problem import CalibrationProblem, score_of
 from ..core.errors import FitError
 from ..core.statistics import TWO_SIDED
-from ..loop.effect import Estimate, Finding, Fit, Model, Score
-from ..loop.problem import Problem
+from ..loop.effect import Finding, Fit, Model, Score
 
 _ROUNDS = 30
 _CLOSE = 1e-9
@@ -177,29 +176,6 @@ class TurnsProblem(CalibrationProblem):
             f'; {alike} of them reach {np.degrees(peak.max()):.0f} deg/s and none more: where the '
             f'range of the gyroscope ends there, turn more slowly')
 
-    def comparable(self, fits: Mapping[str, Fit], other: Problem, other_fits: Mapping[str, Fit],
-                   ) -> dict[tuple[str, str], tuple[str, Estimate, Estimate]]:
-        """
-        Return scale factors and cross-axis terms as sure as the axes that they refer to.
-
-        These are the accelerometer's, as each session has them: turned by what its cross-axis
-        terms may be off, they change cross-axis terms by that angle and scale factors by half of
-        its square.
-
-        """
-        out = {}
-        both = fits[self.target], other_fits[self.target]
-        turned = [_off_axes(f['accel']) if 'accel' in f else 0.0 for f in (fits, other_fits)]
-        keys = both[0].details.keys
-        for k, i, j in elements(keys):
-            label, name = keys[k]
-            if name in both[1].estimates.get(label, {}):
-                x, y = (replace(e, ci95=None, std=e.std and float(np.hypot(
-                    e.std, angle**2 / 2 if i == j else angle)))
-                    for e, angle in zip((f.estimates[label][name] for f in both), turned))
-                out[label, name] = f'{label}.{name}', x, y
-        return out
-
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return rms angles (rad) of turns as fitted and left out, with chi-squared."""
         n = self.data.n
@@ -317,17 +293,45 @@ def _fit(model: Model, turns: Turns, poses: Poses) -> Fit:
     widen = (stdtrit(dof, 0.975) / TWO_SIDED) ** 2 if scatter[0] else 1.0
     state = solve.State(poses.with_inputs(_mean_rates(turns, at.rates, poses)), keys, theta)
     cov = system.cov * widen + _hidden(turns, keys)
-    fit = solve.report(model, state, system, cov, _log_det(system), 'turns',
+    # what is told counts the axes that all turns refer to; what turns tell of each other does not
+    fit = solve.report(model, state, system, cov + _turned(turns, keys), _log_det(system), 'turns',
                        float(scatter[0]), None, state.values)
     residual = fit.details.residual.copy()
     residual[:, :turns.n] = miss.T
-    return replace(fit, details=replace(fit.details, residual=residual))
+    return replace(fit, details=replace(fit.details, residual=residual, cov=cov))
 
 
-def _off_axes(fit: Fit) -> float:
-    """Return by what angle, rad, the axes of a calibrated accelerometer may be off."""
-    std = np.sqrt(np.diag(fit.details.cov))
-    return float(max((std[k] for k, i, j in elements(fit.details.keys) if i != j), default=0.0))
+def off_axes(fit: Fit) -> np.ndarray:
+    """
+    Return by what angle about x, y and z, rad rms (3,), an accelerometer's axes may be off.
+
+    Errors of its cross-axis terms change the directions that it tells by a shear, of which turns
+    in all directions see the mean alone, and a rotation: half the difference of S_ij and S_ji.
+
+    """
+    of = np.zeros((3, len(fit.details.keys)))
+    for k, i, j in elements(fit.details.keys):
+        if i != j:
+            of[3 - i - j, k] = 0.5 if (j - i) % 3 == 1 else -0.5
+    return np.sqrt(np.einsum('ak,kl,al->a', of, fit.details.cov, of))
+
+
+def _turned(turns: Turns, keys: Any) -> np.ndarray:
+    """
+    Return the covariance of the coefficients, (k, k), that axes leave which may be off.
+
+    A small rotation changes cross-axis terms by its angle, to the first order of scale factors
+    near 1, and scale factors by half of its square.
+
+    """
+    by = np.zeros((len(keys), 3))
+    square = np.zeros(len(keys))
+    for k, i, j in elements(keys):
+        if i == j:
+            square[k] = (np.sum(turns.axes ** 2) - turns.axes[i] ** 2) / 2
+        else:
+            by[k, 3 - i - j] = 1 if (j - i) % 3 == 1 else -1
+    return by @ np.diag(turns.axes ** 2) @ by.T + np.diag(square ** 2)
 
 
 def _hidden(turns, keys) -> np.ndarray:

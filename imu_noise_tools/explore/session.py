@@ -75,7 +75,8 @@ class Session:
         self.folder = given if is_study else default_folder(given)
         self._bag = None if is_study or (self.folder / 'study.yaml').is_file() else given
         if not given.exists():
-            raise InputError(f'{given}: no such file', 'name a recording, or a study of one')
+            raise InputError(f'{given}: no such file or folder', store.not_in(
+                given, 'study.yaml', 'name a recording, or a study of one').remedy)
         if self._bag is None:
             self._check(self.folder)
         self._options = dict(options or {})
@@ -94,7 +95,9 @@ class Session:
 
     @staticmethod
     def _check(folder: Path) -> None:
-        if store.read(folder).get('source', {}).get('sheet'):
+        data = store.read(folder)
+        store.refuse_older(data, folder)
+        if data['source'].get('sheet'):
             raise InputError(f'{folder}: a data sheet, no measurement',
                              'analyse a record of the unit')
 

@@ -61,7 +61,7 @@ class Parameter:
         Names, where it is one of a few: it is written and read by name everywhere, and its value
         among the numbers of a fit is the index (:meth:`choice`).
     formerly : str
-        Its name in older studies.
+        Its name in older studies and specifications, which is still read.
     words : tuple of str
         What 0, 1, … mean, of one whose numbers stand for something else.
     knee : float
@@ -220,16 +220,27 @@ class Effect:
     def __post_init__(self) -> None:
         """Check the names of the values and freeze them."""
         known = self._by_name()
-        if not self.values.keys() <= known.keys():
-            unknown = sorted(set(self.values) - set(known))
+        given = self.values
+        if not given.keys() <= known.keys():
+            given = self._renamed()
+        values = {k: v if type(v) is float and not known[k].choices else known[k].number(v)
+                  for k, v in given.items()}
+        object.__setattr__(self, 'values', MappingProxyType(values))
+        object.__setattr__(self, 'label', self.label or self.name)
+
+    def _renamed(self) -> dict[str, Any]:
+        """Return the values by names of today; raise UsageError for a name that never was."""
+        known = self._by_name()
+        now = {p.formerly: p.name for p in self.parameters
+               if p.formerly and p.name not in self.values}
+        given = {now.get(k, k): v for k, v in self.values.items()}
+        unknown = sorted(set(given) - set(known))
+        if unknown:
             raise UsageError(
                 f'{self.name} has no parameter {", ".join(unknown)}',
                 f'its parameters are {", ".join(known) or "none"}',
             )
-        values = {k: v if type(v) is float and not known[k].choices else known[k].number(v)
-                  for k, v in self.values.items()}
-        object.__setattr__(self, 'values', MappingProxyType(values))
-        object.__setattr__(self, 'label', self.label or self.name)
+        return given
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by values (a mapping proxy cannot be pickled)."""

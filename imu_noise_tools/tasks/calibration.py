@@ -164,7 +164,7 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
         return None, (f'the gyroscope is left out: {error.message}',)
     core.refuse_crossed_axes(turns)
     try:
-        return core.calibrate_turns(turns, notes=notes), ()
+        return core.calibrate_turns(turns, notes, better), ()
     except (InputError, FitError) as error:
         if asked:
             raise
@@ -332,7 +332,10 @@ def _load(path: Path) -> Any:
 
 def sensors_of(path: Path) -> list[Any]:
     """Return what a calibration.yaml, or a folder's, holds of each sensor, accelerometer first."""
-    data = _load(path)
+    return _sensors_in(_load(path))
+
+
+def _sensors_in(data: Any) -> list[Any]:
     data = data if isinstance(data, dict) else {}
     return [data[s] for s in ('accel', 'gyro') if s in data] or [data]
 
@@ -349,10 +352,12 @@ def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
         There is none, or it is no calibration.
 
     """
-    path = Path(path)
-    parts = sensors_of(path)
+    return _corrections_in(_load(Path(path)), path)
+
+
+def _corrections_in(data: Any, path: str | Path) -> tuple[core.Correction, ...]:
     try:
-        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in parts)
+        return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in _sensors_in(data))
     except InputError as error:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
@@ -369,15 +374,21 @@ def input_units(path: str | Path) -> dict[str, str]:
         There is no file, or it says a unit that is not known.
 
     """
-    path = Path(path)
-    data = _load(path)
+    return _units_in(_load(Path(path)), path)
+
+
+def _units_in(data: Any, path: str | Path) -> dict[str, str]:
     stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
     return not_si(stated, str(path))
 
 
 def doubts(path: str | Path) -> list[str]:
     """Return what the diagnosis in a calibration.yaml, or in a folder's, says is missing."""
-    parts = [(p.get('sensor'), p.get('diagnosis') or {}) for p in sensors_of(Path(path))]
+    return _doubts_in(_load(Path(path)))
+
+
+def _doubts_in(data: Any) -> list[str]:
+    parts = [(p.get('sensor'), p.get('diagnosis') or {}) for p in _sensors_in(data)]
     return [f'{sensor}: this calibration is not complete ({found["verdict"]}): '
             f'{found.get("advice", "")}' for sensor, found in parts
             if found.get('verdict', 'complete') != 'complete']
@@ -434,11 +445,12 @@ def apply_calibration(
 
     """
     from ..bag import copy_bag
-    corrections = load_corrections(calibration)
+    data = _load(Path(calibration))     # once: somebody may calibrate again meanwhile
+    corrections = _corrections_in(data, calibration)
     stated = {s: unit for s, unit in (('gyro', gyro_unit), ('accel', accel_unit)) if unit}
-    units = {s: u for s, u in {**input_units(calibration), **stated}.items() if u != SI[s]}
+    units = {s: u for s, u in {**_units_in(data, calibration), **stated}.items() if u != SI[s]}
     taken = {s: unit for s, unit in units.items() if s not in stated}
-    warnings = [*doubts(calibration), *read_in(taken, 'as the calibration\'s recording was'),
+    warnings = [*_doubts_in(data), *read_in(taken, 'as the calibration\'s recording was'),
                 *read_in({s: u for s, u in units.items() if s in stated}, 'as told')]
 
     def correct(record: ImuRecord) -> ImuRecord:
@@ -550,10 +562,11 @@ class Session(core.Session):
 
     def load(self, path: str | Path) -> core.Correction:
         """Take a calibration.yaml as what is applied until something is solved; return ours."""
-        loaded = load_corrections(path)
+        data = _load(Path(path))
+        loaded = _corrections_in(data, path)
         mine = [c for c in loaded if c.sensor == self.sensor]
         if not mine:
             raise InputError(f'{path}: calibrates the {loaded[0].sensor}, not the {self.sensor}',
                              'name another file')
-        self._loaded, self.input_unit = loaded, input_units(path)
+        self._loaded, self.input_unit = loaded, _units_in(data, path)
         return mine[0]
