@@ -19,7 +19,6 @@ import hashlib
 import io
 import math
 from pathlib import Path
-import re
 import shlex
 from typing import Any
 import zipfile
@@ -35,10 +34,11 @@ from .loop.domains import DOMAINS, OLDEST, package
 from .loop.effect import Estimate, find_effect, Finding, Model, Parameter, registry
 from .loop.study import assess, Contrast, Step, Study
 
-NEWEST = 2      # raised where an older version would read what is written as something else
-FORMAT = f'imu_noise_study/{NEWEST}'
+FORMAT = 'imu_noise_study/1'
+NEWEST = 2      # of the evidence, raised where it means something else than before
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
 ALIKE = 0.75        # of two names, from which one is meant by the other
+_VERSION = 'format'       # that of the evidence, among its arrays; of 1 it is not there
 _LADDER = 'ladder.'       # what the rungs' pictures show, among the arrays of evidence.npz
 _NUMBER = (int, float, type(None))
 _ESTIMATE = {'value': (*_NUMBER, str), 'std': _NUMBER, 'upper95': _NUMBER, 'point': _NUMBER}
@@ -367,6 +367,7 @@ def study_files(study: Study) -> dict[str, bytes | str]:
     buffer = io.BytesIO()
     arrays: dict[str, Any] = face.arrays_of({t: s.problem for t, s in study.states.items()})
     arrays.update(_ladder_arrays(study))
+    arrays[_VERSION] = np.array(NEWEST)
     np.savez_compressed(buffer, **arrays)
     return {'study.yaml': dump_yaml(study_to_dict(study)), 'evidence.npz': buffer.getvalue()}
 
@@ -386,21 +387,16 @@ def fingerprint(folder: str | Path) -> str:
 
 
 def read(folder: str | Path) -> dict:
-    """
-    Return the plain data of a folder's study.yaml, of any format so far.
-
-    Raise InputError for anything else. Who goes on to the evidence asks :func:`refuse_older` too.
-
-    """
+    """Return the plain data of a folder's study.yaml; raise InputError for anything else."""
     path = Path(folder) / 'study.yaml'
     if not path.is_file():
         raise not_in(folder, 'study.yaml', 'name a folder that analyse, calibrate or filter wrote')
     data = load_yaml(path)
-    number = _format_of(data)
-    if number > NEWEST:
-        raise InputError(f'{path}: a study of format {number}, for which this version is too old '
-                         f'(it reads up to {NEWEST})', 'update imu_noise_tools')
-    if not number or str(data.get('domain')) not in DOMAINS:
+    if (
+        not isinstance(data, dict)
+        or data.get('format') != FORMAT
+        or str(data.get('domain')) not in DOMAINS
+    ):
         raise InputError(
             f'{path}: not a study of format {FORMAT}', 'analyse the bag again with --force'
         )
@@ -412,22 +408,26 @@ def read(folder: str | Path) -> dict:
     return data
 
 
-def _format_of(data: Any) -> int:
-    """Return the number of the format that plain data states, 0 for none."""
-    stated = str(data.get('format')) if isinstance(data, dict) else ''
-    found = re.fullmatch(r'imu_noise_study/([0-9]{1,6})', stated)
-    return int(found[1]) if found else 0
+def evidence_of(folder: str | Path, data: Mapping) -> dict[str, np.ndarray]:
+    """
+    Return the arrays of evidence.npz beside what :func:`read` gave.
 
+    Raise InputError where they are damaged, or of a format that means something else than now.
 
-def refuse_older(data: Mapping, folder: str | Path) -> None:
-    """Raise InputError where the evidence beside what :func:`read` gave is of an older format."""
-    number = _format_of(data)
+    """
+    path = Path(folder) / 'evidence.npz'
+    arrays = load_arrays(path)
+    stated = arrays.pop(_VERSION, np.array(1))
+    number = int(stated) if stated.shape == () and stated.dtype.kind in 'iu' else 0
+    if number > NEWEST:
+        raise InputError(f'{path}: evidence of format {number}, for which this version is too old '
+                         f'(it reads up to {NEWEST})', 'update imu_noise_tools')
     if number >= OLDEST[str(data['domain'])]:
-        return
+        return arrays
     path = data['source'].get('path')
     bag = shlex.quote(path) if path and isinstance(path, str) else 'BAG'
     raise InputError(
-        f'{folder}: a study of format {number}, written by an older version',
+        f'{folder}: evidence of format {number}, written by an older version',
         f'make it anew: imu_noise analyse {bag} -o {shlex.quote(str(folder))} --force')
 
 
@@ -502,8 +502,7 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
 
     """
     data = read(folder)
-    refuse_older(data, folder)
-    arrays = load_arrays(Path(folder) / 'evidence.npz')
+    arrays = evidence_of(folder, data)
     try:
         problems = package(data['domain']).problems(
             {k: v for k, v in arrays.items() if not k.startswith(_LADDER)})

@@ -222,10 +222,11 @@ def test_what_cannot_be_opened_is_one_line(tmp_path, capsys, folder):
 
 
 def test_a_study_of_an_older_version_is_refused_before_the_page_opens(folder, capsys):
-    text = (folder / 'study.yaml').read_text().replace('_study/2', '_study/1', 1)
-    (folder / 'study.yaml').write_text(text)
+    arrays = dict(np.load(folder / 'evidence.npz'))
+    np.savez_compressed(folder / 'evidence.npz',
+                        **{k: v for k, v in arrays.items() if k != 'format'})
     assert main(['explore', str(folder), '--no-browser']) == 1
-    assert 'a study of format 1, written by an older version: make it' in capsys.readouterr().err
+    assert 'evidence of format 1, written by an older version: make it' in capsys.readouterr().err
 
 
 def test_without_the_framework_the_extra_is_named(folder, capsys, monkeypatch):

@@ -137,7 +137,7 @@ def test_form_of_the_file(folder):
     """Others read it, so it stays as it is: names, nulls with limits, plain numbers."""
     data = yaml.safe_load((folder / 'study.yaml').read_text(encoding='utf-8'))
     assert list(data) == ['format', 'domain', 'source', 'targets', 'history', 'diagnosis']
-    assert data['format'] == 'imu_noise_study/2' and data['diagnosis'] == {}
+    assert data['format'] == 'imu_noise_study/1' and data['diagnosis'] == {}
     x = data['targets']['gyro_x']
     assert x['unit'] == 'rad/s'
     assert list(x['effects']) == ['white', 'flicker', 'random_walk', 'sinusoid', 'sinusoid.2',
@@ -291,8 +291,7 @@ def test_no_study_there(tmp_path):
 
 
 @pytest.mark.parametrize('text', [
-    '', 'just words', '[1, 2]', 'format: imu_noise_study/two\ndomain: noise\n',
-    'format: imu_noise_study/0\ndomain: noise\n',
+    '', 'just words', '[1, 2]', 'format: imu_noise_study/2\ndomain: noise\n',
     'format: imu_noise_study/1\ndomain: cooking\n', 'format: imu_noise_study/1\n',
     'format: imu_noise_study/1\ndomain: [noise]\n'])
 def test_another_format(folder, text):
@@ -300,27 +299,37 @@ def test_another_format(folder, text):
     refused(folder, 'not a study')
 
 
+def of_format(folder, number):
+    """Make the evidence one of another format; 1 states none."""
+    arrays = dict(np.load(folder / 'evidence.npz'))
+    assert arrays.pop('format') == store.NEWEST
+    np.savez_compressed(folder / 'evidence.npz', **arrays,
+                        **({'format': np.array(number)} if number > 1 else {}))
+
+
 @pytest.mark.parametrize('command', ['compare', 'diagnose', 'add', 'plan', 'export'])
 def test_a_noise_study_of_an_older_version(folder, command, capsys):
     """Its evidence means something else now: it is not read, and what makes it anew is said."""
-    edited(folder, format='imu_noise_study/1', source={'path': 'my bags/a.mcap'})
+    of_format(folder, 1)
+    edited(folder, source={'path': 'my bags/a.mcap'})
     more = ['--format', 'kalibr', '-o', '-'] if command == 'export' else []
     assert main([command, str(folder), *more]) == 1
     assert capsys.readouterr().err == (
-        f'imu_noise: {folder}: a study of format 1, written by an older version: make it anew: '
+        f'imu_noise: {folder}: evidence of format 1, written by an older version: make it anew: '
         f"imu_noise analyse 'my bags/a.mcap' -o {folder} --force\n")
 
 
 def test_an_older_study_that_names_no_recording(folder):
-    edited(folder, format='imu_noise_study/1', source={})
-    refused(folder, 'a study of format 1, written by an older version')
+    of_format(folder, 1)
+    edited(folder, source={})
+    refused(folder, 'evidence of format 1, written by an older version')
     with pytest.raises(InputError, match='make it anew: imu_noise analyse BAG -o '):
         store.load(folder)
 
 
 def test_plain_numbers_of_an_older_study_are_read(folder, capsys):
     """As the ladder, and what states the noise for a filter."""
-    edited(folder, format='imu_noise_study/1')
+    of_format(folder, 1)
     assert main(['history', str(folder)]) == 0 and 'sinusoid' in capsys.readouterr().out
     assert 'white' in from_study(folder)[1][0]
 
@@ -333,16 +342,16 @@ def test_an_older_calibration_is_read(tmp_path):
     for name, content in store.study_files(begun).items():
         data = content if isinstance(content, bytes) else content.encode()
         (tmp_path / name).write_bytes(data)
-    edited(tmp_path, format='imu_noise_study/1')
+    of_format(tmp_path, 1)
     bias, as_was = (s.states['accel'].fit.estimates['bias'] for s in (store.load(tmp_path), begun))
     assert [e.value for e in bias.values()] == pytest.approx([e.value for e in as_was.values()])
 
 
 def test_a_newer_study(folder):
-    edited(folder, format='imu_noise_study/3', targets='of another shape')
-    refused(folder, 'a study of format 3, for which this version is too old')
+    of_format(folder, store.NEWEST + 1)
+    refused(folder, f'evidence of format {store.NEWEST + 1}, for which this version is too old')
     with pytest.raises(InputError, match='too old .*: update imu_noise_tools'):
-        store.read(folder)
+        store.load(folder)
 
 
 @pytest.mark.parametrize('text', [
@@ -472,9 +481,10 @@ def test_a_header_that_lies(folder):
 
 def test_a_member_that_really_is_a_bomb(folder):
     """Forty megabytes of zeros in forty kilobytes, under a limit that is set lower."""
-    buffer = io.BytesIO()
+    buffer, number = io.BytesIO(), io.BytesIO()
     np.save(buffer, np.zeros(5_000_000))
-    _archive(folder / 'evidence.npz', a=buffer.getvalue())
+    np.save(number, np.array(store.NEWEST))
+    _archive(folder / 'evidence.npz', a=buffer.getvalue(), format=number.getvalue())
     refused(folder, 'damaged')                    # within the limit: read, and then not evidence
 
 

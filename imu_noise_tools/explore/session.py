@@ -96,10 +96,10 @@ class Session:
     @staticmethod
     def _check(folder: Path) -> None:
         data = store.read(folder)
-        store.refuse_older(data, folder)
         if data['source'].get('sheet'):
             raise InputError(f'{folder}: a data sheet, no measurement',
                              'analyse a record of the unit')
+        store.evidence_of(folder, data)
 
     # --- what is under way -----------------------------------------------------------------------
 

@@ -33,8 +33,8 @@ from types import ModuleType
 
 #: in the order in which people meet them
 DOMAINS = ('noise', 'calibration', 'filter')
-#: the oldest format of a study whose evidence still means what it meant; plain numbers are read of
-#: any. In 2 that of noise holds more views, and by others' numbers an older one fails them
+#: the oldest format of the evidence that still means what it meant. In 2 that of noise holds more
+#: views, and by others' numbers an older one fails them
 OLDEST = {'noise': 2, 'calibration': 1, 'filter': 1}
 _ROOT = __name__.rpartition('.loop.')[0]
 
