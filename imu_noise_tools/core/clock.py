@@ -29,6 +29,7 @@ FEW = 3                 # levels that are needed on each side
 NEAR = 8                # levels on each side of a step that tell its size
 WIDE, BRIEF = 48, 256   # and, of so many samples each, what was lost there once more
 DRIFT = 0.01            # more than a clock wanders, relative
+OFTEN, COUNTED = 0.05, 20   # share of losses that hides the period, and lost in a row that tell it
 EVEN = 1e-9             # relative scatter of intervals that only arithmetic gives
 GOOD = 0.1              # stamps that scatter by less of an interval are followed one by one
 FINE = 0.04             # and by less of it, even a part of an interval shows
@@ -173,7 +174,7 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
     tick = _tick(interval, period)
     beats = tick > 0.5 * period and _beats(interval, tick)
     if not beats:
-        period = _near(interval, period)
+        period = _counted(interval) or _near(interval, period)
     clock = _Lag(t, period, beats).followed(tick)
     if clock.scale > 1 or len(clock.gaps):
         # once more with the better period: a wrong one tilts what is compared across a step
@@ -194,6 +195,27 @@ def _beats(interval: np.ndarray, tick: float) -> bool:
         return False
     low, middle, high = np.quantile(np.diff(late), (0.1, 0.5, 0.9))
     return bool(high - low <= 0.3 * middle + 1 and middle < 0.01 * len(interval))
+
+
+def _counted(interval: np.ndarray) -> float:
+    """
+    Return the period of stamps that are whole numbers of it apart, whatever was lost, or 0.
+
+    Most are one apart: half of all samples may be lost, where no hundred follow each other.
+
+    """
+    some = interval[::len(interval) // MANY_STEPS | 1]
+    usual = float(np.median(some))
+    if not usual > 0:
+        return 0.0
+    usual = float(np.mean(some[np.abs(some - usual) < WHOLE * usual]))
+    whole = np.round(some / usual)
+    told = (whole >= 1) & (whole <= COUNTED) & (np.abs(some - whole * usual) < WHOLE * usual)
+    several = float(np.mean(whole > 1))
+    # what is seldom lost needs no counting, and what comes late is caught up in no time
+    if np.mean(told) < 1 - OFTEN or several < OFTEN or np.mean(whole < 1) > OFTEN * several:
+        return 0.0
+    return float(np.sum(some[told]) / np.sum(whole[told]))
 
 
 def _near(interval: np.ndarray, period: float) -> float:
@@ -248,7 +270,8 @@ class _Lag:
         """Find the steps and fit the period."""
         interval = np.diff(self.t)
         some = interval[::len(interval) // MANY_STEPS | 1]
-        if not self.beats and _scatter(some - self.period) < GOOD * self.period:
+        off = some - self.period * np.maximum(np.round(some / self.period), 1)
+        if not self.beats and _scatter(off) < GOOD * self.period:
             self._by_sample(interval)
             if not tick and _scatter(some - self.period) < FINE * self.period:
                 self._set_back(interval)

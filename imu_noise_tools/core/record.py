@@ -113,7 +113,7 @@ class ImuRecord:
         Everything that was found disturbed, in order of time, set aside (then it is in
         ``left_out`` as well) or not.
     missing : int
-        How many of the samples are interpolated, because they were lost or not finite.
+        How many of the samples are filled in, because they were lost or not finite.
     stuck : tuple of str
         Axes that never change; they are not among ``axes``.
     beside : tuple of ImuRecord

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .fill import drawn
 from .stamps import ordered
 from .united import united
 from .values import (
@@ -33,6 +34,7 @@ from ..core.stillness import handled_ends, longest_rest
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
+SEED = 1                    # of what is drawn for lost samples: twice the same numbers
 MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
 MOTION_KEPT = (
@@ -72,7 +74,7 @@ def prepare(
     -------
     ImuRecord
         Stamps rise, samples are 1/``rate_hz`` apart by their number, ``rate_hz`` is (n - 1)/span,
-        all values are finite; ``missing`` counts the interpolated ones, ``stuck`` names axes that
+        all values are finite; ``missing`` counts those filled in, ``stuck`` names axes that
         never change, ``disturbances`` what was found disturbed, ``left_out`` what of it (and of
         the masks) is set aside.
 
@@ -342,7 +344,7 @@ def _merged(stretches: list[tuple[float, float, str]]) -> list[tuple[float, floa
 
 def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
     """
-    Return the record on its even clock, lost and non-finite samples interpolated and counted.
+    Return the record on its even clock, lost and non-finite samples filled in and counted.
 
     Each sample that was recorded stays as it is, in its place.
 
@@ -367,7 +369,7 @@ def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
         memory.rest()
         place = clock.place(record.n)
         axes = replace(record, receive_t=None, covariates={})
-        axes = axes.changed(_on_grid(place, good, n), memory)
+        axes = axes.changed(_on_grid(place, good, n, np.random.default_rng(SEED)), memory)
         rest = replace(record, gyro=None, accel=None)
         rest = rest.changed(_on_grid(place, np.ones(record.n, bool), n), memory)
         record = replace(
@@ -380,8 +382,15 @@ def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
     return replace(record, t=t)
 
 
-def _on_grid(place: np.ndarray, good: np.ndarray, n: int) -> Callable:
-    """Return a function that puts a column's good samples in their places of n, others between."""
+def _on_grid(place: np.ndarray, good: np.ndarray, n: int,
+             rng: np.random.Generator | None = None) -> Callable:
+    """
+    Return a function that puts a column's good samples in their places of n, others between.
+
+    Where there is a generator those are drawn with the spectrum of the column, for one axis after
+    the other (:mod:`~imu_noise_tools.health.fill`).
+
+    """
     known = place[good]
     there = np.zeros(n, bool)
     there[known] = True
@@ -396,7 +405,7 @@ def _on_grid(place: np.ndarray, good: np.ndarray, n: int) -> Callable:
         out = np.empty(n)
         out[there] = x[good]
         out[missing] = x[before] + np.clip(share, 0, 1) * (x[after] - x[before])
-        return out
+        return out if rng is None else drawn(out, there, rng)
 
     return fill
 
