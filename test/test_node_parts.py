@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.core.allan import curve, overlapping_variance
-from imu_noise_tools.core.errors import UsageError
+from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import AXES
 from imu_noise_tools.nodes.live import LiveCurve, Stream
+from imu_noise_tools.nodes.saving import check, Folder
 from imu_noise_tools.nodes.streams import Streams
 from imu_noise_tools.nodes.times import Times
 
@@ -193,6 +194,17 @@ def test_times_are_the_stamps_or_the_arrivals_where_they_stand():
         times = Times()
         assert not any(times.of(start, k * step, k * rate) for k in range(40))
         assert not times.standing
+
+
+def test_where_nothing_can_be_written_the_parameter_is_named(tmp_path):
+    for try_it in (check, lambda wanted: Folder().save(wanted, {'x': 'x'})):
+        with pytest.raises(InputError, match='set the parameter output_dir') as refused:
+            try_it('/proc/x')
+        assert '-o' not in str(refused.value)
+    with pytest.raises(InputError, match='names no folder'):
+        check('')
+    check(str(tmp_path / 'a' / 'b'))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_parameter_reads_what_people_write():
