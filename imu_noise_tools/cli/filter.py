@@ -143,13 +143,16 @@ def filter_bag(args: argparse.Namespace) -> int:
     slow = any(f['sigma_slow'] for f in data['axes'].values())
     print(
         f'          {"error of a rate" if slow else "noise of a sample"}, deg/s   '
-        f'{"  " if slow else ""} innovations: mean square (1)   lag 1 (0)   kurtosis (0)'
+        f'{"  " if slow else ""} left: median       rms  '
+        ' innovations: mean square (1)   lag 1 (0)   kurtosis (0)'
     )
     for axis, f in data['axes'].items():
         print(
-            f'  {axis}  {f["sigma_before"] / DEG:9.4f} -> {f["sigma_after"] / DEG:9.4f}'
-            f' {f["nis"]:25.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
-            + (f'   {f["sigma_before"]:.3g} -> {f["sigma_after"]:.3g} rad/s' if args.si else '')
+            f'  {axis}  {f["sigma_before"] / DEG:22.4f} -> {f["sigma_after"] / DEG:15.4f}'
+            f' {f["sigma_rms"] / DEG:9.4f}'
+            f' {f["nis"]:27.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
+            + (f'   {f["sigma_before"]:.3g} -> {f["sigma_after"]:.3g},'
+               f' {f["sigma_rms"]:.3g} rad/s' if args.si else '')
         )
     if slow:
         print(_with_what_is_slow(data))
