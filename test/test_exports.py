@@ -376,6 +376,18 @@ def test_a_file_says_where_it_is_from(study, name):
     assert f'[{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]' in text
 
 
+@pytest.mark.parametrize('name', sorted(READERS))
+def test_a_unit_that_is_doubted_is_said_in_the_file(study, name):
+    """The file is passed on, the terminal's warning is not; it comes before any number."""
+    doubted = copy(study)
+    said = ('gyro: wrong unit suspected: the gyro reads 5 rad/s', '3 sample(s) not finite')
+    doubted.source = {**study.source, 'warnings': list(said)}
+    text = export.export(doubted, name)
+    assert f'WARNING: {said[0]}' in '\n'.join(text.splitlines()[:4])
+    assert said[1] not in text and 'WARNING' not in export.export(study, name)
+    assert export._heading(text) == export._heading(export.export(study, name))
+
+
 def test_what_a_record_does_not_show_is_not_said_to_be_left_out(study):
     """It stays below a limit, which the file tells; what is there is not in N and K."""
     for value, upper, said, other in ((None, 2e-5, 'Not observable in this record: gyro_x: ',

@@ -21,6 +21,7 @@ from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import evaluate
 from imu_noise_tools.filter import problem as filter_problem
 from imu_noise_tools.filter.design import design
+from imu_noise_tools.filter.evaluate import Innovations
 from imu_noise_tools.filter.fitting import _climbed, NULL
 from imu_noise_tools.filter.held import held_samples
 from imu_noise_tools.filter.output_noise import NoiseLevel, Outliers, SamplingJitter
@@ -31,7 +32,8 @@ from imu_noise_tools.health import motion_doubts
 from imu_noise_tools.loop.effect import Model, model_of
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.plots import filter as pictures
-from imu_noise_tools.tasks.filter import filter_samples, input_unit, noise_of_a_sample
+from imu_noise_tools.tasks.filter import (AXES, Done, filter_samples, input_unit,
+                                          noise_of_a_sample)
 
 RATE, N = 100.0, 6000
 SAMPLES = 1500                                    # of a recording that commands filter
@@ -722,6 +724,22 @@ def test_the_filter_reads_the_unit_of_the_model_and_says_where_none_fits(tmp_pat
     assert 'use --gyro-unit deg/s' in capsys.readouterr().err
 
 
+def test_of_a_record_that_moves_the_error_over_all_of_it_is_said():
+    """Two thirds at rest: the median is the error there, several times below that of the whole."""
+    n, sigma = 1200, 0.01
+    t = np.arange(n) / RATE
+    sway = np.where(t > 8, 2.0 * np.sin(2 * np.pi * 1.5 * (t - 8)), 0.0)
+    true = sway[:, None] * [1.0, 1.0, 0.0]
+    gyro = true + sigma * np.random.default_rng(9).standard_normal((n, 3))
+    made = filter_record(t, gyro, design(values={'white': {'R': sigma ** 2}}))
+    figures = {a: Innovations.of(made.score[:, i]) for i, a in enumerate(AXES)}
+    said = Done(None, None, made, None, figures, ()).as_dict()['axes']
+    for k, axis in enumerate(AXES[:2]):
+        wrong = np.sqrt(np.mean((made.rate[:, k] - true[:, k]) ** 2))
+        assert said[axis]['sigma_rms'] == pytest.approx(wrong, rel=0.35)
+        assert said[axis]['sigma_after'] < 0.5 * said[axis]['sigma_rms']
+
+
 def test_what_is_slow_is_no_noise_of_a_sample(tmp_path, capsys):
     """An hour's uncertainty of the bias stood under that name; each part is said by itself."""
     path, out = tmp_path / 'x.npz', tmp_path / 'f.npz'
@@ -731,6 +749,7 @@ def test_what_is_slow_is_no_noise_of_a_sample(tmp_path, capsys):
            '--set', 'white.R=4e-6']
     assert main(run) == 0
     assert 'noise of a sample, deg/s  ' in (said := capsys.readouterr().out)
+    assert 'left: median       rms ' in said
     assert 'correlated in time' not in said
     assert main([*run, '--noise', 'white,gauss_markov', '--set', 'gauss_markov.sigma=0.01',
                  '--set', 'gauss_markov.tc=30']) == 0

@@ -195,7 +195,7 @@ def test_the_loop_answers(solved):
 def test_saved_loaded_and_reset(solved, keep):
     bench, _ = solved
     success, answer = bench.call('save')
-    assert answer == {'file': str(bench.file)}
+    assert answer == {'summary': f'written to {bench.file}', 'file': str(bench.file)}
     data = yaml.safe_load(bench.file.read_text())
     assert success and np.allclose(np.array(data['G'])[:, :3], S, atol=2e-3)
     other = Bench(keep, file=answer['file'])

@@ -158,6 +158,25 @@ def test_what_is_not_finite_is_said_alike(ros):
             assert level(got, node, name) != messages.OK
 
 
+@pytest.mark.thorough
+def test_stamps_that_stand_are_a_warning_of_the_analyser(ros):
+    space = ros.namespace()
+    analyser = ros.start('analyser', space)
+    ros.ready(analyser)
+    publisher = ros.publisher(f'{space}/imu/data_raw', Imu)
+    for row in np.random.default_rng(8).normal(0, 0.01, (300, 3)).tolist():
+        message = Imu()
+        v = message.angular_velocity
+        v.x, v.y, v.z = row
+        message.linear_acceleration.z = 9.81
+        publisher.publish(message)
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        text = '300 samples; the stamps do not advance; stamp the messages in the driver'
+        assert wait_for(lambda: text in getattr(of(got, analyser).get('input'), 'message', ''))
+        assert level(got, analyser, 'input') != messages.OK
+    assert analyser.text.count('the stamps do not advance') == 1
+
+
 @pytest.mark.parametrize('result, said', [
     ({'error': 'no', 'remedy': 'do'}, 'no: do'),
     ({'diagnosis': {'gyro_x': {'verdict': 'missing', 'found': [{'effect': 'sinusoid'}]},
@@ -171,6 +190,14 @@ def test_what_is_not_finite_is_said_alike(ros):
      'removed: ramp from gyro_x'),
     ({'history': [{'verdict': ''}, {'verdict': 'falls'}]}, '2 models were tried, the last falls'),
     ({'folder': '/tmp/x'}, 'written to /tmp/x'),
+    ({'file': '/tmp/c.yaml'}, 'written to /tmp/c.yaml'),
+    ({'held': '+x', 'done': 5, 'of': 6, 'left': ['-z'], 'note': ''},
+     'held: +x; 5 of 6 done; left: -z'),
+    ({'held': '-z', 'done': 6, 'of': 6, 'left': [], 'note': ''},
+     'held: -z; 6 of 6 done; none left: solve'),
+    ({'sensor': 'accel', 'method': 'faces', 'unit': 'm/s^2', 'bias': [0.1, -0.2, 0.0815],
+      'S': [[1.01, 0, 0], [0, 0.99, 0], [0, 0, 1.0]], 'diagnosis': {}},
+     'accel solved by faces: scale factors 1.01, 0.99, 1; bias 0.1, -0.2, 0.0815 m/s^2'),
     ({'paused': True}, ''),
     ({'targets': {'gyro_x': {'error': {'within_chance': True}, 'effects': {
         'white': {'N': {'value': 2.0, 'shown': '7 deg/sqrt(h)'}}}}},

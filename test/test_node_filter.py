@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.filter.engine import Engine
-from nodes_support import DiagnosticArray, Imu, values, wait_for
+from nodes_support import DiagnosticArray, Imu, messages, values, wait_for
 
 START = 1_700_000_000_000_000_000
 SIGMA = 0.01                # rad/s
@@ -125,6 +125,40 @@ def test_every_message_comes_back_filtered_and_otherwise_as_it_was(stream):
         assert a.header == b.header and a.linear_acceleration == b.linear_acceleration
         assert a.orientation == b.orientation and b.orientation_covariance[0] == -1
         assert np.array_equal(a.linear_acceleration_covariance, b.linear_acceleration_covariance)
+
+
+@pytest.mark.thorough
+def test_stamps_that_stand_are_said_and_arrivals_used(ros, stream):
+    """All zero from the start, and one stamp after a good stretch: filtered all the same."""
+    s = stream()
+
+    def paced(stamps, seed):
+        z = noise(len(stamps), seed)
+        for t, g in zip(stamps, z):
+            s.send([imu(t, g)], wait=False)
+            time.sleep(0.005)
+        assert wait_for(lambda: len(s.out) == len(stamps)), (len(s.out), s.process.text)
+        got = [m.angular_velocity.x for m in s.out[-200:]]
+        covariance = [m.angular_velocity_covariance[0] for m in s.out[-200:]]
+        assert [ns_of(m) for m in s.out] == list(stamps)
+        assert np.std(got) < 0.7 * SIGMA and min(covariance) > 0
+        s.out.clear()
+
+    def said():
+        told = ros.latest(f'{s.process.full}/innovations', DiagnosticArray, lambda m: values(
+            m, 'stream')['samples'] not in ('0', before))
+        return next((x.level, x.message) for x in told.status if x.name == 'stream')
+    before = '0'
+    paced([0] * 400, 1)
+    level, text = said()
+    assert level == messages.WARN and 'stamps do not advance' in text and 'receive times' in text
+    before = s.counts(lambda c: True)['samples']
+    paced([START + k * 5_000_000 for k in range(300)], 2)
+    assert said()[0] == messages.OK
+    before = s.counts(lambda c: True)['samples']
+    paced([START + 10 ** 10] * 400, 3)
+    assert said()[0] == messages.WARN
+    assert s.process.text.count('stamps do not advance') == 1
 
 
 @pytest.mark.thorough

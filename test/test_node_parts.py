@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.core.allan import curve, overlapping_variance
-from imu_noise_tools.core.errors import UsageError
+from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import AXES
 from imu_noise_tools.nodes.live import LiveCurve, Stream
+from imu_noise_tools.nodes.saving import check, Folder
 from imu_noise_tools.nodes.streams import Streams
+from imu_noise_tools.nodes.times import Times
 
 
 def signal(n, columns=3, seed=1):
@@ -152,6 +154,57 @@ def test_what_is_no_number_is_counted_but_not_a_sensor_that_is_not_there():
     assert streams.not_finite == 10
     streams.clear()
     assert streams.not_finite == 0
+
+
+def test_stamps_that_stand_are_said_once_and_how_it_is_now():
+    """All zero, or one from some sample on; a buffer that is read at once is neither."""
+    rng, step = np.random.default_rng(4), 5_000_000
+    moving = 10 ** 18 + step * np.arange(200)
+    for before in (0, 200):
+        stream = Stream(1.0)
+        said, stamps = [], np.concatenate([
+            moving[:before], np.full(150, moving[-1] if before else 0)])
+        for part in np.split(stamps, range(50, len(stamps), 50)):
+            y = rng.standard_normal((len(part), 3))
+            said.append(stream.add(part, y, y))
+        assert stream.standing and [x for x in said if x] == [
+            'the stamps do not advance; stamp the messages in the driver']
+        y = rng.standard_normal((2, 3))
+        stream.add(moving[-1] + step * np.arange(1, 3), y, y)
+        assert not stream.standing
+    stream = Stream(1.0)
+    y = rng.standard_normal((640, 3))
+    assert not stream.add(np.repeat(moving[:10], 64), y, y) and not stream.standing
+
+
+def test_times_are_the_stamps_or_the_arrivals_where_they_stand():
+    ms, start = 1_000_000, 10 ** 18
+    times = Times()
+    assert [times.of(start + k * 10 * ms, 7 * k, k) for k in range(5)] == [
+        k * 10 * ms for k in range(5)]
+    # stuck from here on; 16 messages over 0.1 s show it, and the arrivals go on from there
+    got = [times.of(start + 40 * ms, k * 10 * ms, 5 + k) for k in range(20)]
+    assert got[:15] == [40 * ms] * 15 and times.standing
+    assert set(np.diff(got[15:])) == {10 * ms}
+    # they move again, years on: no gap
+    assert times.of(9 * start, 210 * ms, 0) == got[-1] + 20 * ms and not times.standing
+    assert times.of(9 * start + 10 * ms, 0, 0) == got[-1] + 30 * ms
+    # neither a buffer that is read at once, nor one message again and again
+    for step, rate in ((ms // 10, 1), (50 * ms, 0)):
+        times = Times()
+        assert not any(times.of(start, k * step, k * rate) for k in range(40))
+        assert not times.standing
+
+
+def test_where_nothing_can_be_written_the_parameter_is_named(tmp_path):
+    for try_it in (check, lambda wanted: Folder().save(wanted, {'x': 'x'})):
+        with pytest.raises(InputError, match='set the parameter output_dir') as refused:
+            try_it('/proc/x')
+        assert '-o' not in str(refused.value)
+    with pytest.raises(InputError, match='names no folder'):
+        check('')
+    check(str(tmp_path / 'a' / 'b'))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_parameter_reads_what_people_write():

@@ -65,6 +65,7 @@ def test_parameters_are_described_and_config_files_hold_their_defaults(ros, root
 def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table, cases):
     ns = ros.namespace()
     cases = [[('analyser', {'effects': ['white', 'nothing_such']}, 'nothing_such'),
+              ('analyser', {'output_dir': '/proc/x'}, 'set the parameter output_dir'),
               ('filter', {'motion': ['white']}, 'motion'),
               ('calibration', {'sensor': 'gyro'}, 'rate_deg_s')],
              [('analyser', {'input': 'both'}, 'one of messages, buffer'),

@@ -104,7 +104,6 @@ def filter_bag(args: argparse.Namespace) -> int:
     """Run ``filter``."""
     from ..core.errors import UsageError
     from ..tasks import filter as tasks
-    from ..core.units import DEG
     common.load_own_effects(args)
     if args.rate_hz is not None and not 0 < args.rate_hz < 1e6:
         raise UsageError(f'invalid --rate-hz {args.rate_hz:g}', 'it must be a positive number')
@@ -140,19 +139,8 @@ def filter_bag(args: argparse.Namespace) -> int:
         + (', smoothed' if args.smooth else '')
         + (f', with a delay of {args.delay:g} s' if args.delay else '')
     )
-    slow = any(f['sigma_slow'] for f in data['axes'].values())
-    print(
-        f'          {"error of a rate" if slow else "noise of a sample"}, deg/s   '
-        f'{"  " if slow else ""} innovations: mean square (1)   lag 1 (0)   kurtosis (0)'
-    )
-    for axis, f in data['axes'].items():
-        print(
-            f'  {axis}  {f["sigma_before"] / DEG:9.4f} -> {f["sigma_after"] / DEG:9.4f}'
-            f' {f["nis"]:25.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
-            + (f'   {f["sigma_before"]:.3g} -> {f["sigma_after"]:.3g} rad/s' if args.si else '')
-        )
-    if slow:
-        print(_with_what_is_slow(data))
+    for line in _table(data, args.si):
+        print(line)
     print(
         f'\nwritten: {data["bag"]} (topic {data["topic"]})'
         + (
@@ -161,6 +149,23 @@ def filter_bag(args: argparse.Namespace) -> int:
         )
     )
     return 0
+
+
+def _table(data: dict, si: bool) -> Iterable[str]:
+    """Yield what the noise of each axis was, what is left of it, and how the innovations look."""
+    from ..core.units import DEG
+    slow = any(f['sigma_slow'] for f in data['axes'].values())
+    yield (f'          {"error of a rate" if slow else "noise of a sample"}, deg/s   '
+           f'{"  " if slow else ""} left: median       rms  '
+           ' innovations: mean square (1)   lag 1 (0)   kurtosis (0)')
+    for axis, f in data['axes'].items():
+        sigmas = [f[f'sigma_{k}'] for k in ('before', 'after', 'rms')]
+        before, after, rms = (x / DEG for x in sigmas)
+        yield (f'  {axis}  {before:22.4f} -> {after:15.4f} {rms:9.4f}'
+               f' {f["nis"]:27.3f} {f["lag1"]:14.3f} {f["kurtosis"]:11.2f}'
+               + ('   {:.3g} -> {:.3g}, {:.3g} rad/s'.format(*sigmas) if si else ''))
+    if slow:
+        yield _with_what_is_slow(data)
 
 
 def _with_what_is_slow(data: dict) -> str:

@@ -123,6 +123,29 @@ def _only_of(path: str | Path, temporary: Path) -> Iterator[None]:
         raise
 
 
+def refuse_unwritable(path: str | Path, remedy: str) -> None:
+    """
+    See that a folder can be made at ``path`` before there is anything to write; none is left.
+
+    Raises
+    ------
+    InputError
+        It cannot be made, with this remedy.
+
+    """
+    target = Path(os.path.realpath(path))
+    made: list[Path] = []
+    try:
+        made = _make_parents(target.parent)
+        temporary = _sibling(target)
+        temporary.mkdir()
+        made.append(temporary)
+    except OSError as error:
+        raise InputError(cannot_write(path, error).message, remedy) from error
+    finally:
+        _remove(made)
+
+
 @contextmanager
 def new_folder(path: str | Path, force: bool = False) -> Iterator[Path]:
     """

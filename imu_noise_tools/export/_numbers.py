@@ -14,6 +14,7 @@ from ._values import (
 )
 from ..core.errors import InputError, UsageError
 from ..core.units import date, duration
+from ..health import SUSPECT
 from ..loop.effect import Estimate
 from ..loop.study import Study
 
@@ -87,7 +88,7 @@ class Numbers:
 
     def about(self, convention: str) -> list[str]:
         """Return sentences on where the numbers are from, what they leave out, and how to read."""
-        said = [convention, *self._origin()]
+        said = [convention, *self._doubted(), *self._origin()]
         rule = {'each': 'each axis its own', 'mean': 'rms of the axes',
                 'worst': 'the largest of the axes'}.get(self.axes, self.axes)
         said.append(f'Of a sensor: {rule}' + (f', times {self.inflate:g}'
@@ -105,6 +106,10 @@ class Numbers:
             said.append('Not observable in this record: ' + '; '.join(out))
         notes = [n for some in there for n in self.value(*some).notes]
         return said + list(dict.fromkeys(notes))
+
+    def _doubted(self) -> list[str]:
+        """Return why the unit of the record is doubted: then every number is wrong by a factor."""
+        return [f'WARNING: {w}' for w in self.study.source.get('warnings') or () if SUSPECT in w]
 
     def _origin(self) -> list[str]:
         """Return the record that the numbers are from; of stated values who states them."""

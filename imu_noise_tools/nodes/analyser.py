@@ -17,7 +17,7 @@ from .loop import guarded, Loop, serve
 from .params import Setting, Settings
 from .results import Results
 from .run import run, threads_executor
-from .saving import Folder, npz
+from .saving import check, Folder, npz
 from .streams import Streams
 from .topics import STEADY
 from .. import store
@@ -52,7 +52,8 @@ class Analyser(Node):
                     0.1, 3600.0),
             Setting('buffer_hours', 4.0, 'how much is held for the analysis', 'h', 0.001, 100.0,
                     fixed=True),
-            Setting('output_dir', 'analyser.study', 'folder in which everything is saved'),
+            Setting('output_dir', 'analyser.study', 'folder in which everything is saved',
+                    check=check),
             Setting('exit_at_end', False, 'end by itself when a bag is at its end and analysed'))
         self._stream = Streams(p['buffer_hours'])
         self._intake = Intake(self, self._stream, p['input'], p['accel_topic'])

@@ -24,9 +24,14 @@ def text(result: Mapping[str, Any]) -> str:
 
 
 def summary(result: Mapping[str, Any]) -> str:
-    """Return one sentence on a result of the loop, or on why there is none; else nothing."""
+    """Return one sentence on a result, or on why there is none; of a bare yes nothing."""
     if 'error' in result:
         return ': '.join(str(result[k]) for k in ('error', 'remedy') if result.get(k))
+    if 'held' in result:
+        left = f'left: {", ".join(result["left"])}' if result['left'] else 'none left: solve'
+        return f'held: {result["held"]}; {result["done"]} of {result["of"]} done; {left}'
+    if 'bias' in result:
+        return _solved(result)
     if 'diagnosis' in result:
         return '; '.join(_judged(t, d) for t, d in result['diagnosis'].items())
     for change, where in (('added', 'to'), ('removed', 'from')):
@@ -40,7 +45,16 @@ def summary(result: Mapping[str, Any]) -> str:
         return f'{len(steps)} models were tried{last}'
     if 'targets' in result:
         return _fitted(result)
-    return f'written to {result["folder"]}' if 'folder' in result else ''
+    where = result.get('folder') or result.get('file')
+    return f'written to {where}' if where else ''
+
+
+def _solved(result: Mapping[str, Any]) -> str:
+    """Return scale factors and biases of a calibration."""
+    scale = ', '.join(f'{result["S"][k][k]:.5g}' for k in range(3))
+    bias = ', '.join(f'{b:.3g}' for b in result['bias'])
+    return (f'{result["sensor"]} solved by {result["method"]}: scale factors {scale}; '
+            f'bias {bias} {result["unit"]}')
 
 
 def _judged(target: str, diagnosis: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ from collections import deque
 import math
 import sys
 import threading
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
@@ -23,6 +24,7 @@ from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
+from .times import STANDING, Times
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..core.errors import InputError
 from ..core.units import GYRO_UNITS, read_in
@@ -34,6 +36,7 @@ from ..tasks.filter import BIAS, CORRELATED, from_study
 
 _SHOWN = 4096           # latest innovations of which the figures are published
 _JUDGED = 16384         # latest samples that a diagnosis looks at
+_ARRIVALS = f'{STANDING}; the receive times are used; stamp the messages in the driver'
 
 
 class Filter(Node):
@@ -61,7 +64,8 @@ class Filter(Node):
         # messages whose rates are to come, and those without a rate between them: (raw, has one)
         self._waiting: deque[tuple[bytes, bool]] = deque()
         self._told = 0                          # samples when figures were last told
-        self._first: int | None = None
+        self._times = Times()
+        self._named = False                     # the frame, by the first message
         self._frame = self.resolve_topic_name('imu/data_raw')
         self._study: Study | None = None
         self._output = self.create_publisher(
@@ -109,13 +113,24 @@ class Filter(Node):
                 self._waiting.append((raw, False))
                 self._publish_rateless()
             return
-        if self._first is None:
-            self._first, self._frame = stamp, messages.frame_of(raw) or self._topic
+        if not self._named:
+            self._named, self._frame = True, messages.frame_of(raw) or self._topic
         with self._lock:
+            at = self._time(stamp, rate)
             rate = tuple(self._factor * x for x in rate)
-            if self._engine.step((stamp - self._first) * 1e-9, rate) is not None:
+            if self._engine.step(at, rate) is not None:
                 self._waiting.append((raw, True))
             self._publish_due()
+
+    def _time(self, stamp: int, rate: tuple[float, ...]) -> float:
+        """Return the time of a message, s; that it is not that of its stamp is said once."""
+        before = self._times.standing
+        at = self._times.of(stamp, time.monotonic_ns(), rate)
+        if self._times.standing and not before:
+            self.get_logger().warning(f'{self._topic}: {_ARRIVALS}', once=True)
+            if self._engine.rate_hz is None:
+                self._engine.reset()        # no rate is read from stamps that are none
+        return at * 1e-9
 
     def _publish_due(self) -> None:
         """Publish the messages whose delay is over: they come out in the order they came in."""
@@ -204,6 +219,8 @@ class Filter(Node):
             said, level = f'{said}, {counts.refused} refused: not finite', messages.WARN
         elif silence := self._input.silence():
             said = silence.message
+        if self._times.standing:
+            said, level = f'{said}; {_ARRIVALS}', messages.WARN
         statuses = [messages.status('stream', said, about, level)]
         for k, axis in enumerate(GYRO):
             found = Innovations.of(scores[:, k])

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from .times import STANDING
 from ..core.allan import degrees_of_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
@@ -21,6 +22,7 @@ from ..core.record import ImuRecord
 Curve: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 _PER_CLUSTER = 16           # a stride of m/16 loses under 1 % of the degrees of freedom
+_STANDING = 100             # samples with one stamp: more than a driver reads at once
 _LONGEST = 1 << 27          # largest cluster, samples: a week and more at 200 Hz
 
 
@@ -136,7 +138,13 @@ class Stream:
         self._parts: deque = deque()
         self._limit: int | None = None
         self._curve = LiveCurve(6)
-        self._first = self._last = 0
+        self._first = self._last = self._same = 0
+        self._said = False
+
+    @property
+    def standing(self) -> bool:
+        """Whether the stamps do not advance: the last hundred are one."""
+        return self._same >= _STANDING
 
     @property
     def whole(self) -> bool:
@@ -179,6 +187,9 @@ class Stream:
                 self.missed += lost
                 said = f'{lost} samples are missing before sample {self.received + self.missed}'
             self._append(stamps, np.column_stack([gyro, accel]))
+            if self.standing and not self._said:
+                self._said = True
+                said = f'{STANDING}; stamp the messages in the driver'
         return said
 
     def _again(self, stamps, first) -> int | None:
@@ -200,6 +211,8 @@ class Stream:
     def _append(self, stamps, rows) -> None:
         if not self.received:
             self._first = stamps[0]
+        moved = np.flatnonzero(np.diff(stamps, prepend=self._last))
+        self._same = len(stamps) - (moved[-1] if len(moved) else -self._same)
         self._last = stamps[-1]
         bad = ~np.isfinite(rows).reshape(-1, 2, 3).all(2)
         self._gives |= ~bad.all(0)

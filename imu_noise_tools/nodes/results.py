@@ -15,6 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from . import messages
 from .intake import Intake
 from .streams import Streams
+from .times import STANDING
 from .topics import result
 from .. import store
 from ..core.record import AXES
@@ -49,9 +50,11 @@ class Results:
         """Return what is wrong with what came, to be put behind its number."""
         s = self._stream
         late = 0 if s.expected is None else s.expected - s.received
-        return ''.join(f', {n} {what}' for n, what in (
+        flaws = ''.join(f', {n} {what}' for n, what in (
             (s.missed, 'missed'), (late, 'did not arrive'), (s.refused, 'could not be read'),
             (s.not_finite, 'not finite'), (s.received - s.held, 'no longer held')) if n > 0)
+        stamps = f'; {STANDING}; stamp the messages in the driver' if s.standing else ''
+        return flaws + stamps
 
     def tell(self, state: str) -> None:
         """Publish how many samples came."""

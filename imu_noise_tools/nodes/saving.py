@@ -12,6 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from ..core import files
+from ..core.errors import InputError
+
+REMEDY = 'set the parameter output_dir to a place that can be written'
+
+
+def check(wanted: str) -> None:
+    """Refuse a folder that cannot be made: InputError, before there is anything to lose."""
+    if not Path(wanted).name:
+        raise InputError('output_dir names no folder', 'e.g. analyser.study')
+    files.refuse_unwritable(free(Path(wanted)), REMEDY)
 
 
 class Folder:
@@ -35,6 +45,12 @@ class Folder:
             It cannot be written there.
 
         """
+        try:
+            return self._saved(wanted, content)
+        except InputError as error:
+            raise InputError(error.message, REMEDY) from error
+
+    def _saved(self, wanted: str, content: Mapping[str, str | bytes]) -> Path:
         if self._made is not None and self._made.is_dir():
             files.replace_files(self._made, content)
             return self._made

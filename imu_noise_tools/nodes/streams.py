@@ -86,6 +86,11 @@ class Streams:
         return sum(s.not_finite for s in self._of.values())
 
     @property
+    def standing(self) -> bool:
+        """Whether the stamps of one do not advance."""
+        return any(s.standing for s in self._of.values())
+
+    @property
     def held(self) -> int:
         """How many are held."""
         return sum(s.held for s in self._of.values())

@@ -88,6 +88,8 @@ class Done:
                         **parts_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_before': noise_of_a_sample(model, self.filtered.clock.interval),
                         'sigma_after': float(np.sqrt(np.nanmedian(self.filtered.variance[:, i]))),
+                        # in motion it varies: this is what the error over the record comes to
+                        'sigma_rms': float(np.sqrt(np.nanmean(self.filtered.variance[:, i]))),
                     }
                     for i, (model, (a, f)) in enumerate(
                         zip(self.filtered.design.noise, self.figures.items())
