@@ -96,6 +96,23 @@ def test_directories_globs_and_paths(bags, tmp_path):
     assert [b.path for b in bags_of([str(tmp_path)])] == [str(folder)], 'a rosbag2 is one bag'
 
 
+def test_links_are_followed_and_no_folder_is_taken_twice(tmp_path):
+    """A fleet's folder may be links to where the recordings are; one of them may lead back."""
+    for name in ('one', 'two'):
+        (tmp_path / 'store' / name).mkdir(parents=True)
+        (tmp_path / 'store' / name / 'metadata.yaml').write_text('x')
+    fleet = tmp_path / 'fleet'
+    (fleet / 'deep').mkdir(parents=True)
+    (fleet / 'imu1').symlink_to(tmp_path / 'store' / 'one')
+    (fleet / 'deep' / 'imu2').symlink_to('../../store/two')
+    (fleet / 'deep' / 'up').symlink_to(fleet)
+    (fleet / 'twice').symlink_to(fleet / 'deep')
+    (fleet / 'nowhere').symlink_to(tmp_path / 'gone')
+    assert [b.unit for b in bags_of([str(fleet)])] == ['imu2', 'imu1']
+    (tmp_path / 'link').symlink_to(fleet)
+    assert len(bags_of([str(tmp_path / 'link')])) == 2
+
+
 def test_a_path_that_is_not_there_is_one_line(tmp_path, capsys):
     """Of who types it; in a manifest it is a row."""
     words = ['fleet', str(tmp_path / 'nowhere.mcap'), '-o', str(tmp_path / 'fleet')]

@@ -249,8 +249,7 @@ class _Place:
         if not Path(self.path).is_dir():
             yield self.path
             return
-        for directory, below, names in os.walk(self.path):
-            below.sort()
+        for directory, names in _tree(self.path):
             for name in _bags_among(names):
                 yield str(Path(directory) / name)
 
@@ -270,6 +269,19 @@ class _Place:
                     str(sorted((s.st_size, s.st_mtime_ns) for s in found)))
         except Exception:       # whatever a file system of somebody else's raises
             return 0, ''
+
+
+def _tree(top: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield each folder at and below one with its files; links are followed, no folder twice."""
+    seen = {os.path.realpath(top)}
+    for directory, below, names in os.walk(top, followlinks=True):
+        paths = {os.path.join(directory, n): n for n in sorted(below)}
+        below.clear()
+        for path in sorted(paths, key=os.path.islink):      # by its own name where it has one
+            if (real := os.path.realpath(path)) not in seen:
+                seen.add(real)
+                below.append(paths[path])
+        yield directory, names
 
 
 def _bags_among(names: Iterable[str]) -> list[str]:
