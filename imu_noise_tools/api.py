@@ -508,7 +508,7 @@ class Fleet:
         """A row a model and coefficient: units, typical value (SI), spread in per cent."""
         return Table({'model': model, 'coefficient': name, 'units': p['units'],
                       'typical': max((a['mean'] for a in p['axes'].values()), default=None),
-                      'spread_percent': p.get('between_units'), 'covers95': p['covers95'],
+                      'spread_percent': p.get('between'), 'covers95': p['covers95'],
                       'unit': p['unit']}
                      for model, found in self.summary['models'].items()
                      for name, p in found.items())

@@ -528,8 +528,8 @@ def test_the_page_of_hundreds_of_units_is_small():
     strip = [[f'unit{k:04d}', float(np.exp(rng.normal(-9, 0.1))), False, 0.0] for k in range(800)]
     axes = {f'gyro_{a}': {'mean': 1e-4, 'lo': 9e-5, 'hi': 1.1e-4} for a in 'xyz'}
     one = {'template': '{rate}/sqrt(Hz)', 'units': 800, 'records': 2400, 'limits': 0, 'axes': axes,
-           'between_units': 10.0, 'between_axes': 4.0, 'between_records': 1.0, 'measurement': 1.0,
-           'covers95': 1.2e-4, 'spread': strip, 'largest_limit': None}
+           'between': 10.8, 'between_units': 10.0, 'between_axes': 4.0, 'between_records': 1.0,
+           'measurement': 1.0, 'covers95': 1.2e-4, 'spread': strip, 'largest_limit': None}
     about = {f'unit{k:04d}': {'model': 'M', 'verdicts': {'within chance': ['gyro_x']}, 'bags': [
         {'bag': f's3://x/{k}', 'key': f'{k:020d}', 'date': '2026-01-01'}]} for k in range(800)}
     said = {'models': {f'M{m}': {f'{s} {p}': one for s in ('gyro', 'accel') for p in 'NBK'}

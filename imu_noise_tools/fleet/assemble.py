@@ -120,7 +120,7 @@ def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
         said = f'below {findings.shown(limit, p["template"], sensor)}' if limit else ''
         return said or 'shown by too few units', '', ''
     worst = max(m['mean'] for m in p['axes'].values())
-    return (findings.shown(worst, p['template'], sensor), page.small(p['between_units']),
+    return (findings.shown(worst, p['template'], sensor), page.small(p['between']),
             findings.shown(p['covers95'], p['template'], sensor))
 
 

@@ -81,8 +81,7 @@ def population_study(folder: str | Path, model: str | None = None) -> Study:
     for name, p in said['models'][model].items():
         sensor, parameter = name.split()
         if p['covers95'] is not None:
-            notes.append(f'{name}: from {p["units"]} units, {p["between_units"]:.2g} % between '
-                         'them')
+            notes.append(f'{name}: from {p["units"]} units, {p["between"]:.2g} % between them')
             for axis in p['axes']:
                 values.setdefault(axis, {})[PARAMETERS[parameter], parameter] = p['covers95']
     if not values:

@@ -136,8 +136,9 @@ class Population:
         if f is None:
             return {**out, 'axes': {}, 'covers95': None}
         out['axes'] = {a: _ratio(f, k) for k, a in enumerate(self.axes)}
-        out.update(between_units=_percent(f.tau), between_axes=_percent(f.omega),
-                   between_records=_percent(f.rho), aliased=list(self.aliased),
+        out.update(between=_percent(np.hypot(f.tau, f.omega)), between_units=_percent(f.tau),
+                   between_axes=_percent(f.omega), between_records=_percent(f.rho),
+                   aliased=list(self.aliased),
                    measurement=_percent(float(np.median(s.s[~s.limit]))),
                    covers95=float(np.exp(upper(f, range(len(self.axes))))))
         return out

@@ -21,8 +21,9 @@ WIDTH, HEIGHT = 280, 46
 TITLES = {'N': 'noise density', 'B': 'bias instability', 'K': 'random walk'}
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 READING = (
-    ('spread between units', 'how much the units differ themselves, one standard deviation, the '
-     'error of measuring them taken out; units that are out do not count in it'),
+    ('spread between units', 'how much one axis differs from unit to unit, one standard '
+     'deviation, the error of measuring it taken out: what all axes of a unit have in common '
+     '(whole units) and what each has alone; units that are out do not count in it'),
     ('measured to', 'the usual standard error of one record of one axis'),
     ('covers 95 %', 'what the worst axis of a unit never measured stays below in 95 of 100: '
      'imu_noise export FLEET --population'),
@@ -145,7 +146,8 @@ def _spread(p: Mapping[str, Any]) -> str:
     if not p['axes']:
         return ''
     limits = f', {p["limits"]} of {p["records"]} are limits' if p['limits'] else ''
-    return (f'<b>{small(p["between_units"])}</b><br><span class="small faint">axes of a unit '
+    return (f'<b>{small(p["between"])}</b><br><span class="small faint">whole units '
+            f'{small(p["between_units"])}, single axes '
             f'{small(p["between_axes"])}; measured to {small(p["measurement"])}{limits}</span>')
 
 
