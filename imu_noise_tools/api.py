@@ -541,6 +541,12 @@ class Fleet:
         """Bags that gave nothing, each with why."""
         return Table(self.summary['failed'])
 
+    @property
+    def warned(self) -> Table:
+        """Recordings with warnings, those first of which sensors are left out of all values."""
+        return Table({**w, 'left_out': ', '.join(w['left_out']),
+                      'warnings': '; '.join(w['warnings'])} for w in self.summary['warned'])
+
     def to_pandas(self) -> Any:
         """Return fleet.parquet, a row a coefficient of each bag, as a pandas DataFrame."""
         from .fleet import table as tables

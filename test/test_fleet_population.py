@@ -226,7 +226,7 @@ def test_the_spread_is_that_of_one_axis_between_units():
                       (), fit(data), ()).plain()
     assert said['between'] == pytest.approx(6.2, rel=0.4) and said['between_units'] < 3
     terminal = assemble.text({'models': {'': {'gyro N': said}}, 'outlying': [], 'changes': [],
-                              'failed': []}, 'fleet')
+                              'failed': [], 'warned': []}, 'fleet')
     assert page.small(said['between']) in terminal and 'none seen' not in terminal
 
 

@@ -16,10 +16,12 @@ from typing import Any
 
 from . import extra
 from ..core.errors import InputError, UsageError
+from ..core.units import INPUT
 
 BAGS = ('.bag', '.mcap', '.db3', '.npz')        # what a directory is searched for
 METADATA = 'metadata.yaml'                      # makes a directory a rosbag2
-KNOWN = ('bag', 'unit', 'model', 'topic')       # columns of a manifest that are no factors
+UNITS = {'gyro_unit': 'gyro', 'accel_unit': 'accel'}    # columns: in what a bag is read
+KNOWN = ('bag', 'unit', 'model', 'topic', *UNITS)       # of a manifest, that are no factors
 DATE = 'date'
 _GLOB = re.compile(r'[*?\[]')
 
@@ -37,6 +39,8 @@ class Bag:
         Which device, and of which kind.
     topic : str
         The Imu topic; empty: the only one.
+    units : mapping of str to str
+        In what it is read where that is said of this one: gyro_unit, accel_unit.
     factors : mapping of str to str
         What else is known of it: firmware, mount, date (ISO 8601) and whatever a manifest says.
     size : int
@@ -51,6 +55,7 @@ class Bag:
     model: str = ''
     topic: str = ''
     factors: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     size: int = 0
     stamp: str = ''
 
@@ -129,9 +134,14 @@ def _bag(path: str, facts: Mapping[str, str], where: str) -> Bag:
     factors = {k: v for k, v in facts.items() if k not in KNOWN and v}
     if DATE in factors:
         day(factors[DATE], where)
+    units = {k: facts[k] for k in UNITS if facts.get(k)}
+    for name, unit in units.items():
+        if unit not in INPUT[UNITS[name]]:
+            raise InputError(f'{where}: {unit!r} is no {name}',
+                             f'one of {", ".join(INPUT[UNITS[name]])}')
     size, stamp = _Place(path).stat()
     return Bag(path, facts.get('unit') or _stem(path), facts.get('model', ''),
-               facts.get('topic', ''), factors, size, stamp)
+               facts.get('topic', ''), factors, units, size, stamp)
 
 
 def day(text: str, where: str = 'date') -> float:

@@ -420,7 +420,7 @@ def _unmasked(some: _Likelihood, x: Array) -> Array:
         far = np.where((narrow > 1e-9) & (found['out'][:, :1] > 0.5),
                        found['b']**2 / np.maximum(narrow, 1e-9), 0.0)
         u, k = np.unravel_index(int(np.argmax(far)), far.shape)
-        level = MASKED / max(np.count_nonzero(narrow > 1e-9), 1)
+        level = MASKED / max(int(np.count_nonzero(narrow > 1e-9)), 1)
         if far[u, k] < _least(level, some.data.units - 1):
             return x
         own = some.D[:, k] * (some.data.unit == u)

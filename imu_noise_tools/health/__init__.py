@@ -8,8 +8,9 @@ from __future__ import annotations
 from .examine import examine, Health, Resolution, resolution
 from .prepare import in_motion, motion_doubts, MOTION_KEPT, prepare, unit_doubts
 from .selection import Selection
+from .values import suspected
 from ..core.stillness import still_stretches
 
 __all__ = ['examine', 'Health', 'in_motion', 'motion_doubts', 'MOTION_KEPT', 'prepare',
            'Resolution', 'resolution', 'Selection', 'still_stretches',
-           'unit_doubts']
+           'suspected', 'unit_doubts']
