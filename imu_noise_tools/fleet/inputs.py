@@ -39,14 +39,14 @@ class Bag:
         Which device, and of which kind.
     topic : str
         The Imu topic; empty: the only one.
-    units : mapping of str to str
-        In what it is read where that is said of this one: gyro_unit, accel_unit.
     factors : mapping of str to str
         What else is known of it: firmware, mount, date (ISO 8601) and whatever a manifest says.
     size : int
         Bytes.
     stamp : str
         Changes when its bytes do; empty where nothing tells.
+    units : mapping of str to str
+        In what it is read where that is said of this one: gyro_unit, accel_unit.
 
     """
 
@@ -55,9 +55,9 @@ class Bag:
     model: str = ''
     topic: str = ''
     factors: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
     size: int = 0
     stamp: str = ''
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def remote(self) -> bool:
@@ -141,7 +141,7 @@ def _bag(path: str, facts: Mapping[str, str], where: str) -> Bag:
                              f'one of {", ".join(INPUT[UNITS[name]])}')
     size, stamp = _Place(path).stat()
     return Bag(path, facts.get('unit') or _stem(path), facts.get('model', ''),
-               facts.get('topic', ''), factors, units, size, stamp)
+               facts.get('topic', ''), factors, size, stamp, units)
 
 
 def day(text: str, where: str = 'date') -> float:
