@@ -508,7 +508,7 @@ class Fleet:
         """A row a model and coefficient: units, typical value (SI), spread in per cent."""
         return Table({'model': model, 'coefficient': name, 'units': p['units'],
                       'typical': max((a['mean'] for a in p['axes'].values()), default=None),
-                      'spread_percent': p.get('between_units'), 'covers95': p['covers95'],
+                      'spread_percent': p.get('between'), 'covers95': p['covers95'],
                       'unit': p['unit']}
                      for model, found in self.summary['models'].items()
                      for name, p in found.items())
@@ -540,6 +540,12 @@ class Fleet:
     def failed(self) -> Table:
         """Bags that gave nothing, each with why."""
         return Table(self.summary['failed'])
+
+    @property
+    def warned(self) -> Table:
+        """Recordings with warnings, those first of which sensors are left out of all values."""
+        return Table({**w, 'left_out': ', '.join(w['left_out']),
+                      'warnings': '; '.join(w['warnings'])} for w in self.summary['warned'])
 
     def to_pandas(self) -> Any:
         """Return fleet.parquet, a row a coefficient of each bag, as a pandas DataFrame."""

@@ -25,7 +25,7 @@ from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.export import export
 from imu_noise_tools.fleet import assemble, findings, page, run, table
 from imu_noise_tools.fleet.inputs import Bag, bags_of
-from imu_noise_tools.fleet.work import content_of, examine, Options
+from imu_noise_tools.fleet.work import content_of, examine, left_out, Options
 
 # Not imported to be collected: every process that tests run in would pay for it.
 for needed in ('distributed', 'fsspec', 'pyarrow'):
@@ -94,6 +94,23 @@ def test_directories_globs_and_paths(bags, tmp_path):
     for name in ('metadata.yaml', 'ros2_0.db3'):
         (folder / name).write_text('x')
     assert [b.path for b in bags_of([str(tmp_path)])] == [str(folder)], 'a rosbag2 is one bag'
+
+
+def test_links_are_followed_and_no_folder_is_taken_twice(tmp_path):
+    """A fleet's folder may be links to where the recordings are; one of them may lead back."""
+    for name in ('one', 'two'):
+        (tmp_path / 'store' / name).mkdir(parents=True)
+        (tmp_path / 'store' / name / 'metadata.yaml').write_text('x')
+    fleet = tmp_path / 'fleet'
+    (fleet / 'deep').mkdir(parents=True)
+    (fleet / 'imu1').symlink_to(tmp_path / 'store' / 'one')
+    (fleet / 'deep' / 'imu2').symlink_to('../../store/two')
+    (fleet / 'deep' / 'up').symlink_to(fleet)
+    (fleet / 'twice').symlink_to(fleet / 'deep')
+    (fleet / 'nowhere').symlink_to(tmp_path / 'gone')
+    assert [b.unit for b in bags_of([str(fleet)])] == ['imu2', 'imu1']
+    (tmp_path / 'link').symlink_to(fleet)
+    assert len(bags_of([str(tmp_path / 'link')])) == 2
 
 
 def test_a_path_that_is_not_there_is_one_line(tmp_path, capsys):
@@ -511,14 +528,14 @@ def test_the_page_of_hundreds_of_units_is_small():
     strip = [[f'unit{k:04d}', float(np.exp(rng.normal(-9, 0.1))), False, 0.0] for k in range(800)]
     axes = {f'gyro_{a}': {'mean': 1e-4, 'lo': 9e-5, 'hi': 1.1e-4} for a in 'xyz'}
     one = {'template': '{rate}/sqrt(Hz)', 'units': 800, 'records': 2400, 'limits': 0, 'axes': axes,
-           'between_units': 10.0, 'between_axes': 4.0, 'between_records': 1.0, 'measurement': 1.0,
-           'covers95': 1.2e-4, 'spread': strip, 'largest_limit': None}
+           'between': 10.8, 'between_units': 10.0, 'between_axes': 4.0, 'between_records': 1.0,
+           'measurement': 1.0, 'covers95': 1.2e-4, 'spread': strip, 'largest_limit': None}
     about = {f'unit{k:04d}': {'model': 'M', 'verdicts': {'within chance': ['gyro_x']}, 'bags': [
         {'bag': f's3://x/{k}', 'key': f'{k:020d}', 'date': '2026-01-01'}]} for k in range(800)}
     said = {'models': {f'M{m}': {f'{s} {p}': one for s in ('gyro', 'accel') for p in 'NBK'}
                        for m in range(4)}, 'about': about, 'outlying': [], 'changes': [],
-            'missing': [], 'lines': [], 'failed': [], 'drifts': [], 'bags': 800, 'units': 800,
-            'report': 'report.html'}
+            'warned': [], 'missing': [], 'lines': [], 'failed': [], 'drifts': [], 'bags': 800,
+            'units': 800, 'report': 'report.html'}
     assert len(page.html(said)) < 1_500_000
 
 
@@ -534,6 +551,86 @@ def test_a_unit_and_its_population_are_exported(plain):
     assert 1e-4 / np.sqrt(50) < bound < 2e-4 / np.sqrt(50), 'the loud one does not count'
     with pytest.raises(UsageError, match='did you mean imu5_v2'):
         unit_study(kept.folder, 'imu5_v3')
+
+
+BRIEF = Options({**QUICK, 'axes': ('gyro_x',)}, diagnose='none', reports=False)
+
+
+def in_units(folder: Path) -> list[Path]:
+    """Write a folder of three units, two records each; the last one's second is in deg/s."""
+    out = []
+    for k in range(6):
+        path = record(folder / f'u{k // 2}_{k % 2}.npz', 60 + k, n=2000)
+        if k == 5:
+            with np.load(path) as data:
+                np.savez(path, gyro=np.degrees(data['gyro'] + 0.02), rate_hz=50.0)
+        out.append(path)
+    return out
+
+
+def test_a_recording_in_another_unit_is_left_out_and_told_of(client, tmp_path):
+    """In the terminal, the page, the table and JSON; what is exported is that of the others."""
+    from imu_noise_tools.fleet.export import unit_study
+    (tmp_path / 'bags').mkdir()
+    odd = str(in_units(tmp_path / 'bags')[-1])
+    kept = run.Fleet(tmp_path / 'fleet', BRIEF)
+    some = bags_of([str(tmp_path / 'bags')], r'(?P<unit>u\d)_')
+    said = assemble.write(kept, some, run.run(kept, kept.todo(some), client))
+    (one,) = [w for w in said['warned'] if w['left_out']]
+    assert (one['bag'], one['unit'], one['left_out']) == (odd, 'u2', ['gyro'])
+    text, html = assemble.text(said, 'fleet'), (kept.folder / 'fleet.html').read_text()
+    for shown in (text, html):
+        assert odd in shown and 'wrong unit suspected' in shown and '--gyro-unit deg/s' in shown
+    assert '1 recording left out' in html and 'gyro_unit' in text
+    with open(kept.folder / 'fleet.csv', newline='') as file:
+        found = list(csv.DictReader(file))
+    assert {r['bag'] for r in found if r['left_out']} == {odd}
+    assert all('wrong unit suspected' in r['warnings'] for r in found if r['bag'] == odd)
+    truth = 1e-4 / np.sqrt(50)
+    n = said['models']['']['gyro N']
+    assert n['records'] == 5 and n['covers95'] < 1.5 * truth and not said['outlying']
+    study = unit_study(kept.folder, 'u2')
+    value = float(export(study, 'kalibr').split('gyroscope_noise_density: ')[1].split()[0])
+    assert value == pytest.approx(truth, rel=0.1)
+    assert any(odd in n for n in study.source['notes'])
+    compared = findings.compare(table.read(kept.folder), table.read(kept.folder))
+    assert all(c['ratio'] == pytest.approx(1) for c in compared)
+    # nothing of a unit is left: it is said why
+    data = table.read(kept.folder).to_pylist()
+    for row in data:
+        row['unit'] = 'u9' if row['bag'] == odd else row['unit']
+    pa = pytest.importorskip('pyarrow')
+    (kept.folder / 'fleet.json').write_text(json.dumps(
+        {**findings.summary(pa.Table.from_pylist(data)), 'rate_hz': {}}))
+    with pytest.raises(InputError, match='left out: wrong unit suspected.*--gyro-unit'):
+        unit_study(kept.folder, 'u9')
+
+
+def test_a_manifest_says_the_unit_of_one_bag(client, tmp_path):
+    (tmp_path / 'bags').mkdir()
+    path = in_units(tmp_path / 'bags')[-1]
+    manifest = tmp_path / 'm.csv'
+    manifest.write_text(f'bag,unit,gyro_unit\n{path},u3,deg/s\n')
+    (bag,) = bags_of([str(manifest)])
+    assert bag.units == {'gyro_unit': 'deg/s'} and not bag.factors
+    kept = run.Fleet(tmp_path / 'fleet', BRIEF)
+    said = assemble.write(kept, [bag], run.run(kept, kept.todo([bag]), client))
+    assert kept.done(bag) and not any(w['left_out'] for w in said['warned'])
+    (n, *_) = [r for r in table.read(kept.folder).to_pylist()
+               if (r['effect'], r['axis']) == ('white', 'gyro_x')]
+    assert n['value'] == pytest.approx(1e-4 / np.sqrt(50), rel=0.1)
+    assert not kept.done(Bag(bag.path, 'u3', stamp=bag.stamp)), 'read otherwise, another result'
+    manifest.write_text(f'bag,gyro_unit\n{path},degrees\n')
+    with pytest.raises(InputError, match="line 2: 'degrees' is no gyro_unit"):
+        bags_of([str(manifest)])
+
+
+def test_a_unit_that_was_said_to_be_si_counts():
+    warned = {'warnings': ['accel: wrong unit suspected: |mean acceleration| is 0.01 m/s^2']}
+    assert left_out(warned) == {'accel': 'unit suspected'}
+    assert left_out({**warned, 'input_unit': {'accel': 'g'}})
+    assert not left_out({**warned, 'input_unit': {'accel': 'm/s^2'}})
+    assert not left_out({**warned, 'streams': {'accel': {'input_unit': {'accel': 'm/s^2'}}}})
 
 
 @pytest.mark.thorough

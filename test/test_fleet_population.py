@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
+from params import seldom
 import pytest
 from scipy import stats
 
+from imu_noise_tools.fleet import assemble, page
 from imu_noise_tools.fleet.amplitude import deviance, of_limit, of_profile
+from imu_noise_tools.fleet.findings import Population
 from imu_noise_tools.fleet.population import (
-    _Likelihood, _Nested, called, fit, Sample, upper)
+    _beside, _least, _Likelihood, _Nested, called, fit, Sample, upper)
 
 
 def sample(rng, units=20, axes=3, records=1, tau=0.1, omega=0.05, rho=0.0, s=0.02, limit=None,
@@ -202,6 +205,57 @@ def test_a_bad_unit_does_not_hide_in_the_spread_it_makes(axis, name):
     assert found.names[k] == name
     assert abs(found.size[5, k] - np.log(2)) < 4 * found.size_std[5, k]
     assert found.tau < 0.16
+
+
+FEW = {'units': 5, 'records': 2, 'tau': 0.0, 'omega': 0.06, 's': 0.0025}
+
+
+@pytest.mark.parametrize('seed', [2, 12, *map(seldom, (3, 4, 5, 7))])
+def test_a_bad_axis_does_not_hide_among_five_units(seed):
+    """Half as much again: the likelihood has a maximum, too, with all of them in a wide spread."""
+    found = fit(sample(np.random.default_rng([16, seed]), moved=[(1, 1, np.log(1.5))], **FEW))
+    assert called(found.p_out).nonzero()[0].tolist() == [1]
+    assert found.out[1, 1 + found.names.index('axis 1')] > 0.9
+    assert 0.03 < np.hypot(found.tau, found.omega) < 0.09
+
+
+def test_the_spread_is_that_of_one_axis_between_units():
+    """Where each axis is its own, nothing is common to all axes of a unit."""
+    data = sample(np.random.default_rng(19), **{**FEW, 'units': 12})
+    said = Population('', 'gyro', 'N', ('gyro_x', 'gyro_y', 'gyro_z'), tuple('abcdefghijkl'), data,
+                      (), fit(data), ()).plain()
+    assert said['between'] == pytest.approx(6.2, rel=0.4) and said['between_units'] < 3
+    terminal = assemble.text({'models': {'': {'gyro N': said}}, 'outlying': [], 'changes': [],
+                              'failed': [], 'warned': []}, 'fleet')
+    assert page.small(said['between']) in terminal and 'none seen' not in terminal
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(('units', 'axes', 'records', 'tau', 'omega'), [
+    (5, 3, 2, 0.0, 0.06), (5, 3, 1, 0.04, 0.02), (4, 1, 2, 0.05, 0.0), (8, 3, 1, 0.0, 0.05)])
+def test_good_units_of_small_fleets_are_seldom_called(units, axes, records, tau, omega):
+    """A fleet of six coefficients calls one that is not at FALSE, one coefficient at MASKED."""
+    calls = 0
+    for k in range(60):
+        found = fit(sample(np.random.default_rng([17, units, axes, k]), units, axes, records, tau,
+                           omega, s=0.0025))
+        calls += bool(called(found.p_out).any())
+    assert calls <= 4           # of 60 at 0.01: more has a chance of 4e-4
+
+
+def test_the_deletion_residual_is_that_of_the_others_alone():
+    """Of one record a unit: Student's t of one against the mean and scatter of the rest."""
+    y = np.random.default_rng(18).normal(0, 0.1, 8)
+    data = Sample(y, np.full(8, 1e-3), np.zeros(8, bool), np.arange(8), np.zeros(8, int),
+                  np.ones((8, 1)))
+    p, x = _beside(data, (np.arange(8) == 3).astype(float), np.log([0.1]))
+    rest = np.delete(y, 3)
+    t = (y[3] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 7))
+    assert p == pytest.approx(2 * stats.t.sf(abs(t), 6), rel=0.05)
+    assert np.exp(x[0]) == pytest.approx(rest.std(ddof=1), rel=0.05)
+    z = (y - y.mean()) / (y.std(ddof=1) * np.sqrt(7 / 8))       # and what one may be at the least
+    far = abs(t) > stats.t.isf(0.05, 6)
+    assert (z[3]**2 > _least(0.1, 7)) == far
 
 
 def test_a_drifting_unit_is_told_from_one_that_is_off():

@@ -16,6 +16,7 @@ MANIFEST = """a manifest is CSV with a line a bag; other columns than these are 
   bag,unit,model,firmware,mount,date,topic
   2026/imu07_a.mcap,imu07,BMI088,1.4,arm,2026-03-31,/imu/data_raw
   s3://recordings/imu08_a.mcap,imu08,BMI088,1.5,arm,2026-04-02,
+columns gyro_unit and accel_unit say in what a bag is read, where it is not the unit of all
 on other machines: dask scheduler; dask worker ADDRESS --nthreads 1; then --scheduler ADDRESS
 """
 

@@ -14,7 +14,7 @@ from ._values import (
 )
 from ..core.errors import InputError, UsageError
 from ..core.units import date, duration
-from ..health import SUSPECT
+from ..health import SUSPECTED
 from ..loop.effect import Estimate
 from ..loop.study import Study
 
@@ -109,7 +109,7 @@ class Numbers:
 
     def _doubted(self) -> list[str]:
         """Return why the unit of the record is doubted: then every number is wrong by a factor."""
-        return [f'WARNING: {w}' for w in self.study.source.get('warnings') or () if SUSPECT in w]
+        return [f'WARNING: {w}' for w in self.study.source.get('warnings') or () if SUSPECTED in w]
 
     def _origin(self) -> list[str]:
         """Return the record that the numbers are from; of stated values who states them."""

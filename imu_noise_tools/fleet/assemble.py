@@ -79,14 +79,15 @@ def read(folder: str | Path) -> dict[str, Any]:
     path = Path(folder) / SUMMARY
     try:
         said = json.loads(path.read_text(encoding='utf-8'))
-        if said['format'] == 'imu_noise_fleet/1':
+        if said['format'] == 'imu_noise_fleet/1' and 'warned' in said:
             return said
     except OSError:
         raise InputError(f'{folder}: no {SUMMARY} in it', 'name a folder that fleet wrote'
                          ) from None
     except (ValueError, KeyError, TypeError):
         pass
-    raise InputError(f'{path}: damaged', 'run the fleet again: what is done is kept')
+    raise InputError(f'{path}: damaged, or of an older version',
+                     'run the fleet again: what is done is kept')
 
 
 def text(said: dict[str, Any], folder: str) -> str:
@@ -108,9 +109,24 @@ def text(said: dict[str, Any], folder: str) -> str:
     out += [f'warning: {f["error"]}' for f in said['failed'][:20]]
     if len(said['failed']) > 20:
         out.append(f'warning: and {len(said["failed"]) - 20} bags more, see fleet.csv')
+    out += _warnings(said['warned'])
     out.append(f'written to {folder}: fleet.html fleet.csv fleet.parquet fleet.json, a study of '
                'each bag in bags')
     return '\n'.join(out)
+
+
+def _warnings(warned: list[dict[str, Any]]) -> list[str]:
+    """Return lines on recordings that are left out, and how many others have warnings."""
+    left = [w for w in warned if w['left_out']]
+    out = [f'warning: {w["bag"]}: {page.left(w)}' for w in left[:20]]
+    if len(left) > 20:
+        out.append(f'warning: and {len(left) - 20} recordings more are left out, see fleet.csv')
+    if left:
+        out.append(f'what is left out {page.REMEDY}')
+    if others := len(warned) - len(left):
+        out.append(f'{others} recording{"s" * (others > 1)}{" more" if left else ""} with '
+                   'warnings, see fleet.html')
+    return out
 
 
 def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
@@ -120,7 +136,7 @@ def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
         said = f'below {findings.shown(limit, p["template"], sensor)}' if limit else ''
         return said or 'shown by too few units', '', ''
     worst = max(m['mean'] for m in p['axes'].values())
-    return (findings.shown(worst, p['template'], sensor), page.small(p['between_units']),
+    return (findings.shown(worst, p['template'], sensor), page.small(p['between']),
             findings.shown(p['covers95'], p['template'], sensor))
 
 

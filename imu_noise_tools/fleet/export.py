@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from . import page
 from .assemble import read
 from ..core.errors import InputError, unknown
 from ..core.record import AXES
@@ -37,6 +38,10 @@ def unit_study(folder: str | Path, unit: str) -> Study:
     said = read(folder)
     if unit not in said['about']:
         raise unknown('unit', unit, said['about'])
+    left = [f'{w["bag"]}: {page.left(w)}' for w in said['warned']
+            if w['unit'] == unit and w['left_out']]
+    if unit not in said['shrunk'] and left:
+        raise InputError(f'{folder}: {left[0]}', f'it {page.REMEDY}')
     if unit not in said['shrunk']:
         raise InputError(f'{folder}: {NOT_SHOWN} of {said["about"][unit]["model"] or "the model"}',
                          'name the study of its bag: three units make a population')
@@ -47,6 +52,7 @@ def unit_study(folder: str | Path, unit: str) -> Study:
             values.setdefault(axis, {})[PARAMETERS[name], name] = x['value']
             notes.append(f'{axis} {name}: {100 * x["weight"]:.0f} % its own record, the rest its '
                          f'model; 95 % {x["lo"]:.3g} to {x["hi"]:.3g}')
+    notes += left
     out = [o for o in said['outlying'] if o['unit'] == unit]
     if out:
         notes.append(f'the unit is out of what its model does ({out[0]["probability"]:.3f})')
@@ -81,8 +87,7 @@ def population_study(folder: str | Path, model: str | None = None) -> Study:
     for name, p in said['models'][model].items():
         sensor, parameter = name.split()
         if p['covers95'] is not None:
-            notes.append(f'{name}: from {p["units"]} units, {p["between_units"]:.2g} % between '
-                         'them')
+            notes.append(f'{name}: from {p["units"]} units, {p["between"]:.2g} % between them')
             for axis in p['axes']:
                 values.setdefault(axis, {})[PARAMETERS[parameter], parameter] = p['covers95']
     if not values:

@@ -20,10 +20,10 @@ from . import population
 from .amplitude import SQUARE
 from .inputs import day
 from .population import called, Fit, fit, Sample, upper
-from .table import DATE, factors_of
+from .table import BETWEEN, DATE, factors_of
 from ..core import units
 from ..core.errors import InputError
-from ..core.record import AXES
+from ..core.record import AXES, sensor_of
 from ..export import PARAMETERS
 from ..loop.effect import find_effect
 
@@ -77,7 +77,8 @@ def summary(whole: Any) -> dict[str, Any]:
         'failed': [{'bag': b, 'unit': u, 'error': e} for b, u, e in zip(
             bags[failed], rows['unit'][failed], rows['error'][failed])],
         'models': {}, 'outlying': [], 'changes': [], 'drifts': [], 'shrunk': {}}
-    good = rows.where(~failed)
+    out['warned'] = warned(rows)
+    good = rows.where(counting(rows))
     found = [one for model in sorted(set(good['model'])) for one in populations(
         good.where(good['model'] == model), model)]
     for one in found:
@@ -89,8 +90,30 @@ def summary(whole: Any) -> dict[str, Any]:
     effects = missing(good)
     out['missing'], out['lines'] = effects['often'], lines(good)
     out['outlying'], out['drifts'] = outlying(found, effects['units'])
-    out['about'] = about(good)
+    out['about'] = about(rows.where(~failed))
     return out
+
+
+def counting(rows: Columns) -> np.ndarray:
+    """Tell which rows count in what is said of units and models (n,)."""
+    return (rows['kind'] != 'failed') & ~_said(rows['left_out'])
+
+
+def _said(words: np.ndarray) -> np.ndarray:
+    return np.array([isinstance(w, str) and w != '' for w in words], bool)
+
+
+def warned(rows: Columns) -> list[dict[str, Any]]:
+    """Return the recordings with warnings: what they are, and which sensors are left out."""
+    out: dict[tuple[str, str], dict[str, Any]] = {}
+    some = rows.where(_said(rows['warnings']) | _said(rows['left_out']))
+    for unit, bag, topic, axis, left, said in zip(*(some[n] for n in (
+            'unit', 'bag', 'topic', 'axis', 'left_out', 'warnings'))):
+        one = out.setdefault((bag, topic), {'unit': unit, 'bag': bag, 'left_out': [],
+                                            'warnings': said.split(BETWEEN) if said else []})
+        if left and sensor_of(axis) not in one['left_out']:
+            one['left_out'].append(sensor_of(axis))
+    return sorted(out.values(), key=lambda w: not w['left_out'])
 
 
 def about(rows: Columns) -> dict[str, dict[str, Any]]:
@@ -136,8 +159,9 @@ class Population:
         if f is None:
             return {**out, 'axes': {}, 'covers95': None}
         out['axes'] = {a: _ratio(f, k) for k, a in enumerate(self.axes)}
-        out.update(between_units=_percent(f.tau), between_axes=_percent(f.omega),
-                   between_records=_percent(f.rho), aliased=list(self.aliased),
+        out.update(between=_percent(np.hypot(f.tau, f.omega)), between_units=_percent(f.tau),
+                   between_axes=_percent(f.omega), between_records=_percent(f.rho),
+                   aliased=list(self.aliased),
                    measurement=_percent(float(np.median(s.s[~s.limit]))),
                    covers95=float(np.exp(upper(f, range(len(self.axes))))))
         return out
@@ -397,7 +421,7 @@ def compare(a: Any, b: Any) -> list[dict[str, Any]]:
     data = {n: np.concatenate([first[n], second[n]]) for n in names}
     data[factor] = np.array(['A'] * len(first) + ['B'] * len(second), dtype=object)
     both = Columns(data, (factor,))
-    good = both.where(both['kind'] != 'failed')
+    good = both.where(counting(both))
     models = sorted(set(first['model']) & set(second['model']))
     out = [c for m in models for one in populations(good.where(good['model'] == m), m)
            for c in one.changes()]

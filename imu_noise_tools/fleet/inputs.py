@@ -16,10 +16,12 @@ from typing import Any
 
 from . import extra
 from ..core.errors import InputError, UsageError
+from ..core.units import INPUT
 
 BAGS = ('.bag', '.mcap', '.db3', '.npz')        # what a directory is searched for
 METADATA = 'metadata.yaml'                      # makes a directory a rosbag2
-KNOWN = ('bag', 'unit', 'model', 'topic')       # columns of a manifest that are no factors
+UNITS = {'gyro_unit': 'gyro', 'accel_unit': 'accel'}    # columns: in what a bag is read
+KNOWN = ('bag', 'unit', 'model', 'topic', *UNITS)       # of a manifest, that are no factors
 DATE = 'date'
 _GLOB = re.compile(r'[*?\[]')
 
@@ -43,6 +45,8 @@ class Bag:
         Bytes.
     stamp : str
         Changes when its bytes do; empty where nothing tells.
+    units : mapping of str to str
+        In what it is read where that is said of this one: gyro_unit, accel_unit.
 
     """
 
@@ -53,6 +57,7 @@ class Bag:
     factors: Mapping[str, str] = field(default_factory=dict)
     size: int = 0
     stamp: str = ''
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def remote(self) -> bool:
@@ -129,9 +134,14 @@ def _bag(path: str, facts: Mapping[str, str], where: str) -> Bag:
     factors = {k: v for k, v in facts.items() if k not in KNOWN and v}
     if DATE in factors:
         day(factors[DATE], where)
+    units = {k: facts[k] for k in UNITS if facts.get(k)}
+    for name, unit in units.items():
+        if unit not in INPUT[UNITS[name]]:
+            raise InputError(f'{where}: {unit!r} is no {name}',
+                             f'one of {", ".join(INPUT[UNITS[name]])}')
     size, stamp = _Place(path).stat()
     return Bag(path, facts.get('unit') or _stem(path), facts.get('model', ''),
-               facts.get('topic', ''), factors, size, stamp)
+               facts.get('topic', ''), factors, size, stamp, units)
 
 
 def day(text: str, where: str = 'date') -> float:
@@ -249,8 +259,7 @@ class _Place:
         if not Path(self.path).is_dir():
             yield self.path
             return
-        for directory, below, names in os.walk(self.path):
-            below.sort()
+        for directory, names in _tree(self.path):
             for name in _bags_among(names):
                 yield str(Path(directory) / name)
 
@@ -270,6 +279,19 @@ class _Place:
                     str(sorted((s.st_size, s.st_mtime_ns) for s in found)))
         except Exception:       # whatever a file system of somebody else's raises
             return 0, ''
+
+
+def _tree(top: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield each folder at and below one with its files; links are followed, no folder twice."""
+    seen = {os.path.realpath(top)}
+    for directory, below, names in os.walk(top, followlinks=True):
+        paths = {os.path.join(directory, n): n for n in sorted(below)}
+        below.clear()
+        for path in sorted(paths, key=os.path.islink):      # by its own name where it has one
+            if (real := os.path.realpath(path)) not in seen:
+                seen.add(real)
+                below.append(paths[path])
+        yield directory, names
 
 
 def _bags_among(names: Iterable[str]) -> list[str]:

@@ -12,6 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from .findings import shown, worst_first
+from ..health import suspected
 from ..report.markup import badge, bullets, cell, escape, folded, page, table
 
 SURE = 0.9
@@ -21,8 +22,9 @@ WIDTH, HEIGHT = 280, 46
 TITLES = {'N': 'noise density', 'B': 'bias instability', 'K': 'random walk'}
 SENSORS = {'gyro': 'Gyroscope', 'accel': 'Accelerometer'}
 READING = (
-    ('spread between units', 'how much the units differ themselves, one standard deviation, the '
-     'error of measuring them taken out; units that are out do not count in it'),
+    ('spread between units', 'how much one axis differs from unit to unit, one standard '
+     'deviation, the error of measuring it taken out: what all axes of a unit have in common '
+     '(whole units) and what each has alone; units that are out do not count in it'),
     ('measured to', 'the usual standard error of one record of one axis'),
     ('covers 95 %', 'what the worst axis of a unit never measured stays below in 95 of 100: '
      'imu_noise export FLEET --population'),
@@ -35,11 +37,16 @@ READING = (
      'interval; units that had both levels are compared with themselves'))
 
 
+REMEDY = ('counts in no value of a unit or a model: --gyro-unit and --accel-unit say in what all '
+          'bags are read, the columns gyro_unit and accel_unit of a manifest say it of one bag')
+
+
 def html(summary: Mapping[str, Any], title: str = 'Fleet') -> str:
     """Return what :func:`imu_noise_tools.fleet.findings.summary` gave as one page."""
     return page(title, [
         _head(summary), _outlying(summary), _changes(summary['changes']), _models(summary),
-        _missing(summary), _lines(summary), _units(summary), _failed(summary), _reading()])
+        _missing(summary), _lines(summary), _units(summary), _failed(summary), _warned(summary),
+        _reading()])
 
 
 def _head(s: Mapping[str, Any]) -> str:
@@ -51,6 +58,8 @@ def _head(s: Mapping[str, Any]) -> str:
                 else badge('No unit is out.', 'good'))
     if failed:
         said.append(badge(f'{failed} bag{"s" * (failed != 1)} could not be analysed.', 'doubt'))
+    if out := sum(bool(w['left_out']) for w in s['warned']):
+        said.append(badge(f'{out} recording{"s" * (out != 1)} left out: unit suspected.', 'doubt'))
     beyond = sum(c['beyond_chance'] for c in s['changes'])
     if s['changes']:
         said.append(f'{beyond} of {len(s["changes"])} changes between the levels of a factor are '
@@ -145,7 +154,8 @@ def _spread(p: Mapping[str, Any]) -> str:
     if not p['axes']:
         return ''
     limits = f', {p["limits"]} of {p["records"]} are limits' if p['limits'] else ''
-    return (f'<b>{small(p["between_units"])}</b><br><span class="small faint">axes of a unit '
+    return (f'<b>{small(p["between"])}</b><br><span class="small faint">whole units '
+            f'{small(p["between_units"])}, single axes '
             f'{small(p["between_axes"])}; measured to {small(p["measurement"])}{limits}</span>')
 
 
@@ -244,6 +254,25 @@ def _failed(s: Mapping[str, Any]) -> str:
         return ''
     return '<h2>Bags that could not be analysed</h2>' + table(
         ('unit', 'why'), [(escape(f['unit']), escape(f['error'])) for f in s['failed'][:500]])
+
+
+def left(one: Mapping[str, Any]) -> str:
+    """Return in words what of a recording is left out, and why."""
+    why = [w for w in one['warnings'] if suspected([w])]
+    return f'{" and ".join(one["left_out"])} left out: {"; ".join(why)}'
+
+
+def _warned(s: Mapping[str, Any]) -> str:
+    """Return what is left out, with what to do, and the warnings of all recordings."""
+    out = [(_link(s, w['unit']), escape(w['bag']), escape(left(w)))
+           for w in s['warned'] if w['left_out']][:500]
+    rows = [(_link(s, w['unit']), escape(w['bag']), bullets(map(escape, w['warnings'])))
+            for w in s['warned']][:500]
+    said = '<h2>Recordings left out</h2>' + table(('unit', 'recording', 'why'), out) + \
+        f'<p>What is left out {escape(REMEDY)}.</p>' if out else ''
+    return said + ('<h2>Warnings</h2>' + folded(
+        f'{len(s["warned"])} recordings with warnings',
+        table(('unit', 'recording', 'warnings'), rows), False) if rows else '')
 
 
 def _reading() -> str:

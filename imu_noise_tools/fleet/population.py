@@ -23,6 +23,11 @@ of it is in closed form (a rank-one change of V), the probability of being out c
 unit that is out has no weight in the spread (Box and Tiao 1968; of the same family as the
 heavy-tailed fits, but it says for each unit which it is, and in which axis).
 
+Of few units this likelihood has two maxima: with a unit out beside a narrow spread, and with the
+unit within a wide one. Between them decides the unit's distance from the others alone, by the
+spread of the others alone: the deletion residual (Cook and Weisberg 1982, section 2.2.2), here the
+direction as a fixed effect with Student's t, at a level shared by all units and directions.
+
 """
 
 from __future__ import annotations
@@ -41,6 +46,8 @@ OUT = 0.03          # share of units that are out, before anything is known of t
 WHOLE = 0.5         # ... and of these, those that are out with all of their axes
 WIDE = np.log(2.0)  # how far out: one standard deviation is a factor of two
 FALSE = 0.05        # false discovery rate of what is called
+MASKED = 0.01       # level at which one of all units is out beside the spread of the others:
+#                     N, B and K of two sensors together have about FALSE
 SMALL, LARGE = 5e-4, 3.0        # bounds of a standard deviation on the log scale
 LEAST = 3           # units that show a value, for a population
 MOST = 4000         # records from which variances are estimated; more do not change them
@@ -386,6 +393,8 @@ def fit(data: Sample) -> Fit:
         raise ValueError('no population: shown by too few units')
     some = _Likelihood(data)
     x = _variances(_Likelihood(_thinned(data)) if len(data.y) > MOST else some)
+    if len(data.y) <= DENSE:    # of more, one cannot make the spread
+        x = _unmasked(some, x)
     found = some.at(x)
     found = some.at(x)          # once more: the limits have settled
     tau, omega, rho = found['sds']
@@ -403,8 +412,54 @@ def _thinned(data: Sample) -> Sample:
     return data.part(keep[data.unit])
 
 
-def _variances(some: _Likelihood) -> Array:
-    """Return the free logarithms at the maximum, from the best of a few starts."""
+def _unmasked(some: _Likelihood, x: Array) -> Array:
+    """Return the free logarithms, where no unit that is out hides in the spread that it makes."""
+    for _ in range(some.data.units - LEAST + 1):
+        found = some.at(x)
+        narrow = found['a'] - 1 / WIDE**2
+        far = np.where((narrow > 1e-9) & (found['out'][:, :1] > 0.5),
+                       found['b']**2 / np.maximum(narrow, 1e-9), 0.0)
+        u, k = np.unravel_index(int(np.argmax(far)), far.shape)
+        level = MASKED / max(int(np.count_nonzero(narrow > 1e-9)), 1)
+        if far[u, k] < _least(level, some.data.units - 1):
+            return x
+        own = some.D[:, k] * (some.data.unit == u)
+        p, others = _beside(some.data, own, x)
+        if p > level:
+            return x
+        there = _variances(some, others, 0.2)
+        if some.at(there)['out'][u, 0] > 0.5:       # told at no other maximum either
+            return x
+        x = there
+    return x
+
+
+def _least(level: float, dof: int) -> float:
+    """Return the square of the residual of which the deletion residual may be at a level."""
+    t2 = stats.t.isf(level / 2, dof - 1) ** 2
+    return float(dof * t2 / (dof - 1 + t2))
+
+
+def _beside(data: Sample, own: Array, x: Array) -> tuple[float, Array]:
+    """
+    Return the chance of one direction (n,) beside all others, and the variances of the others.
+
+    They are looked for from ``x``, where that direction is not left out.
+
+    """
+    X = np.column_stack([data.X, own])
+    if np.linalg.matrix_rank(X) < X.shape[1]:
+        return 1.0, np.zeros(0)
+    some = _Likelihood(replace(data, X=X))
+    x = _variances(some, x)
+    found = some.at(x)
+    cov = np.linalg.inv(found['A'])
+    t = abs(found['beta'][-1]) / np.sqrt(cov[-1, -1])
+    return float(2 * stats.t.sf(t, _dof(some, found, cov)[-1])), x
+
+
+def _variances(some: _Likelihood, near: Array | None = None, step: float = 0.7) -> Array:
+    """Return the free logarithms at the maximum ``near`` some, or from the best of few starts."""
     n = sum(some.free)
     if not n:
         return np.zeros(0)
@@ -416,8 +471,9 @@ def _variances(some: _Likelihood) -> Array:
         found = some.at(x)
         return 1e3 * float(np.sum(beyond)) - float(found['value']) + 1e6 * (not found['settled'])
 
-    start = min((np.full(n, np.log(share * spread)) for share in (1.0, 0.3, 0.1)), key=wrong)
-    simplex = start + 0.7 * np.vstack([np.zeros(n), np.eye(n)])
+    starts = [np.full(n, np.log(share * spread)) for share in (1.0, 0.3, 0.1)]
+    start = min(starts, key=wrong) if near is None else near
+    simplex = start + step * np.vstack([np.zeros(n), np.eye(n)])
     return np.asarray(optimize.minimize(wrong, start, method='Nelder-Mead', options={
         'xatol': 0.01, 'fatol': 1e-3, 'maxfev': 250, 'initial_simplex': simplex}).x)
 

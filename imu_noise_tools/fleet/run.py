@@ -142,7 +142,7 @@ class Fleet:
         """Return the key of a bag's result where its bytes are known, else nothing."""
         stamp, content = self.index.get(_name(bag), ('', ''))
         same = bool(stamp) and stamp == bag.stamp
-        return self.options.key(content, bag.topic) if same else ''
+        return self.options.of(bag).key(content, bag.topic) if same else ''
 
     def path(self, key: str) -> Path:
         """Return where the facts of a key are."""
@@ -176,7 +176,8 @@ class Fleet:
     def facts(self, bags: Sequence[Bag], lost: dict[str, str]) -> Iterator[tuple]:
         """Yield (bag, key, facts); of one without a result what was said of it."""
         for bag in bags:
-            key = self.options.key(self.index.get(_name(bag), ('', ''))[1], bag.topic)
+            content = self.index.get(_name(bag), ('', ''))[1]
+            key = self.options.of(bag).key(content, bag.topic)
             path = self.path(key)
             if _name(bag) not in lost and path.is_file():
                 yield bag, key, facts_of(path, path.read_text())

@@ -6,6 +6,8 @@ The one long table of a fleet: fleet.parquet and fleet.csv, a row a coefficient.
 
 ``kind`` is ``coefficient`` (what was fitted), ``missing`` (a parameter of an effect that the
 diagnosis found missing) or ``failed`` (a bag that gave nothing, with its one-line ``error``).
+``warnings`` are those of the recording, as of ``analyse``, between `` | ``; a row with a word in
+``left_out`` counts in no value of a unit or a model (the unit of its samples is suspected).
 Values are SI; where ``null`` is true the value cannot be told from zero and ``upper95`` limits it.
 What a record says of an amplitude that it does not show well is more than a value or a limit: its
 likelihood, in the numbers ``square``, ``square_std``, ``square_dof`` (:mod:`.amplitude`).
@@ -31,7 +33,8 @@ NUMBERS = ('value', 'std', 'lo', 'hi', 'upper95', *SQUARE, 'held_out', 'gain', '
 FACTORS = ('firmware', 'mount', DATE)
 ORDER = ('unit', 'model', *FACTORS, 'bag', 'topic', 'axis', 'kind', 'effect', 'parameter', 'value',
          'std', 'lo', 'hi', 'null', 'upper95', *SQUARE, 'si', 'verdict', 'held_out', 'gain',
-         'penalty', 'probability', 'rate_hz', 'duration_s', 'key', 'error')
+         'penalty', 'probability', 'rate_hz', 'duration_s', 'left_out', 'warnings', 'key', 'error')
+BETWEEN = ' | '     # warnings of one recording
 BATCH = 50_000      # rows that are plain objects at one time
 STEM = 'fleet'
 
@@ -66,6 +69,7 @@ def _rows(bag: Bag, key: str, facts: Mapping[str, Any]) -> list[dict[str, Any]]:
               for k, v in bag.factors.items()}}
     if facts['error']:
         return [{**one, 'kind': 'failed', 'error': facts['error']}]
+    one['warnings'] = BETWEEN.join(facts.get('warnings', ()))
     out = []
     for row in facts['rows']:
         start = row.get('start') or 0

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
 import os
@@ -27,14 +27,17 @@ from .. import __version__, export, store
 from ..core import files
 from ..core.errors import ImuNoiseError, InputError
 from ..core.files import scratch_folder
-from ..health import Selection
+from ..core.record import sensor_of
+from ..core.units import SI
+from ..health import Selection, suspected
 from ..loop import verdict
 from ..loop.effect import load_effects
 from ..loop.study import Study
 from ..tasks import noise
 
 CHUNK = 1 << 22
-FORMAT = 3          # of the facts; another one is not read
+FORMAT = 4          # of the facts; another one is not read
+LEFT_OUT = 'unit suspected'
 MARK = '.fleet'     # a file in the folder of a fleet, by which a worker knows that it sees it
 
 
@@ -72,6 +75,10 @@ class Options:
         said = json.dumps([content, topic, asdict(self), FORMAT], sort_keys=True)
         return hashlib.blake2b(said.encode(), digest_size=10).hexdigest()
 
+    def of(self, bag: Bag) -> Options:
+        """Return them for one bag, whose units a manifest may say."""
+        return replace(self, analyse={**self.analyse, **bag.units}) if bag.units else self
+
 
 @dataclass
 class Result:
@@ -80,6 +87,7 @@ class Result:
     key: str
     content: str
     rows: list[dict[str, Any]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     error: str = ''
     cpu_s: float = 0.0
     wall_s: float = 0.0
@@ -90,7 +98,7 @@ class Result:
         """Return what is kept of it beside the study."""
         return json.dumps({'format': FORMAT, 'content': self.content, 'error': self.error,
                            'cpu_s': round(self.cpu_s, 3), 'wall_s': round(self.wall_s, 3),
-                           'rows': self.rows})
+                           'warnings': self.warnings, 'rows': self.rows})
 
 
 def examine(bag: Bag, options: Options, folder: str, mark: str,
@@ -120,6 +128,7 @@ def examine(bag: Bag, options: Options, folder: str, mark: str,
     if options.version != __version__:
         raise InputError(f'a worker has imu_noise_tools {__version__}, this is {options.version}',
                          'install the same version on all of them')
+    options = options.of(bag)
     with local(bag) as path:
         content = content_of(path)
         key = options.key(content, bag.topic)
@@ -129,7 +138,7 @@ def examine(bag: Bag, options: Options, folder: str, mark: str,
         try:
             study = studied(path, bag.topic, options)
             study.source['path'] = bag.path
-            out.rows = rows_of(study)
+            out.rows, out.warnings = rows_of(study), list(study.source.get('warnings') or ())
             place = Path(folder) / 'bags' / key
             made = outputs(study, place, options.reports)
             if _seen(folder, mark):
@@ -242,8 +251,10 @@ def rows_of(study: Study) -> list[dict[str, Any]]:
     Return a study as rows: a coefficient each, and each parameter of an effect that is missing.
 
     ``kind`` is ``coefficient`` or ``missing``; values are SI; ``verdict`` is that of the axis.
+    ``left_out`` says why an axis does not count among those of other recordings.
 
     """
+    doubted = left_out(study.source)
     about = {'rate_hz': study.source.get('rate_hz'), 'start': study.source.get('start'),
              'duration_s': study.source.get('duration_s')}
     rows = []
@@ -251,7 +262,8 @@ def rows_of(study: Study) -> list[dict[str, Any]]:
         told = study.diagnosis.get(axis)
         error = state.error
         said = told.verdict if told else verdict.side(error.within_chance, bool(error.failing))
-        one = {**about, 'axis': axis, 'verdict': said, 'held_out': error.excess}
+        one = {**about, 'axis': axis, 'left_out': doubted.get(sensor_of(axis), ''),
+               'verdict': said, 'held_out': error.excess}
         for e in state.model:
             rows += [{**one, 'kind': 'coefficient', 'effect': e.name, 'parameter': name,
                       **_estimate(x), **(_square(x) if e.parameter(name).amplitude else {})}
@@ -265,6 +277,19 @@ def rows_of(study: Study) -> list[dict[str, Any]]:
                      if f.effect is not None and not f.effect.parameter(name).choices]
             rows += known or [{**found, 'parameter': ''}]
     return store.plain(rows)
+
+
+def left_out(source: Mapping[str, Any]) -> dict[str, str]:
+    """
+    Return why which sensors of a recording do not count among those of other recordings.
+
+    Their unit is suspected. A unit that somebody has said to be SI is taken at his word.
+
+    """
+    streams = (source.get('streams') or {'': source}).values()
+    stated = {k: u for one in streams for k, u in (one.get('input_unit') or {}).items()}
+    return {s: LEFT_OUT for s in suspected(source.get('warnings') or ())
+            if stated.get(s) != SI[s]}
 
 
 def _estimate(x: Any) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from .examine import examine, Health, Resolution, resolution
 from .prepare import in_motion, motion_doubts, MOTION_KEPT, prepare, unit_doubts
 from .selection import Selection
-from .values import SUSPECT
+from .values import SUSPECTED, suspected
 from ..core.stillness import still_stretches
 
 __all__ = ['examine', 'Health', 'in_motion', 'motion_doubts', 'MOTION_KEPT', 'prepare',
            'Resolution', 'resolution', 'Selection', 'still_stretches',
-           'SUSPECT', 'unit_doubts']
+           'SUSPECTED', 'suspected', 'unit_doubts']

@@ -34,6 +34,7 @@ from ..core.stillness import handled_ends, longest_rest
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
+FEW_LOST = 1e-3             # share of samples that may be interpolated: a filter that none sees
 SEED = 1                    # of what is drawn for lost samples: twice the same numbers
 MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
@@ -369,7 +370,9 @@ def _filled(record: ImuRecord, clock: SampleClock, memory: Memory) -> ImuRecord:
         memory.rest()
         place = clock.place(record.n)
         axes = replace(record, receive_t=None, covariates={})
-        axes = axes.changed(_on_grid(place, good, n, np.random.default_rng(SEED)), memory)
+        many = bad + lost > FEW_LOST * n
+        axes = axes.changed(
+            _on_grid(place, good, n, np.random.default_rng(SEED) if many else None), memory)
         rest = replace(record, gyro=None, accel=None)
         rest = rest.changed(_on_grid(place, np.ones(record.n, bool), n), memory)
         record = replace(

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how 
 FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
 PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit than s
-SUSPECT = 'wrong unit suspected'     # how each sentence on a unit begins
+SUSPECTED = 'wrong unit suspected'
 HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
 
 
@@ -69,7 +69,7 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
         g = float(np.linalg.norm(finite_mean(record.accel)))
         if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(
-                f'{SUSPECT}: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
+                f'{SUSPECTED}: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
                 + (_converted_twice(g, record.input_unit.get('accel'))
                    or _likely_accel(g, record.rate_hz))
             )
@@ -81,11 +81,18 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
         # gyro is so bad; the same numbers in deg/s are common.
         if rate > 0.52 and not turns or scatter > 0.2 or density > LOUD:
             said.append(
-                f'{SUSPECT}: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
+                f'{SUSPECTED}: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
                 'at rest; '
                 'if it is in deg/s, use --gyro-unit deg/s'
             )
     return said
+
+
+def suspected(warnings: Iterable[str]) -> list[str]:
+    """Return of which sensors a recording's warnings suspect the unit: gyro, accel."""
+    said = [w for w in warnings if SUSPECTED in w]
+    of_gyro = [f'{SUSPECTED}: the gyro' in w for w in said]
+    return ['gyro'] * any(of_gyro) + ['accel'] * (not all(of_gyro))
 
 
 def _converted_twice(g: float, unit: str | None) -> str:
@@ -136,7 +143,7 @@ def too_fast(record: ImuRecord) -> list[str]:
     if not np.any(np.sum((rate > FASTEST) & (rate < HUGE), axis=0) >= FAST):
         return []
     most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
-    return [f'{SUSPECT}: the gyro reads up to {most:.3g} rad/s '
+    return [f'{SUSPECTED}: the gyro reads up to {most:.3g} rad/s '
             f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one; if it is in '
             'deg/s, use --gyro-unit deg/s']
 
