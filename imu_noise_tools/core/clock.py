@@ -188,6 +188,11 @@ def fit_clock(t: np.ndarray) -> SampleClock | None:
     )
 
 
+def _thinned(interval: np.ndarray) -> np.ndarray:
+    """Return as many intervals as tell a rate, an odd number apart: that beats with no buffer."""
+    return interval[::len(interval) // MANY_STEPS | 1]
+
+
 def _beats(interval: np.ndarray, tick: float) -> bool:
     """Tell whether stamps skip ticks at short and even distances: no losses, but a slower rate."""
     late = np.flatnonzero(interval > np.median(interval) + 0.5 * tick)
@@ -204,7 +209,7 @@ def _counted(interval: np.ndarray) -> float:
     Most are one apart: half of all samples may be lost, where no hundred follow each other.
 
     """
-    some = interval[::len(interval) // MANY_STEPS | 1]
+    some = _thinned(interval)
     usual = float(np.median(some))
     if not usual > 0:
         return 0.0
@@ -220,7 +225,7 @@ def _counted(interval: np.ndarray) -> float:
 
 def _near(interval: np.ndarray, period: float) -> float:
     """Return the mean of the intervals near a period, if most are: losses do not count in it."""
-    off = interval[::len(interval) // MANY_STEPS | 1] - period
+    off = _thinned(interval) - period
     usual = off[np.abs(off) < STEP * period]
     change = float(np.mean(usual)) if len(usual) > 0.5 * len(off) else 0.0
     return period + change if abs(change) < 0.15 * period else period
@@ -269,7 +274,7 @@ class _Lag:
     def followed(self, tick: float) -> _Lag:
         """Find the steps and fit the period."""
         interval = np.diff(self.t)
-        some = interval[::len(interval) // MANY_STEPS | 1]
+        some = _thinned(interval)
         off = some - self.period * np.maximum(np.round(some / self.period), 1)
         if not self.beats and _scatter(off) < GOOD * self.period:
             self._by_sample(interval)

@@ -324,8 +324,8 @@ def begun_anew(found: Likelihood, x: np.ndarray, most: int) -> list[tuple[Likeli
             form = tuple(e[p.name] for p in e.parameters if p.choices)
             ranked = sorted(best, key=lambda z: best[z][0])
             # what begins in the form that is there mostly ends there: it takes no other's place
-            others = [z for z in ranked if z != form][:most]
-            out += [best[z] for z in ranked if z in others or z == form and ranked.index(z) < most]
+            some = {*ranked[:most], *[z for z in ranked if z != form][:most]}
+            out += [best[z] for z in ranked if z in some]
     return [(other, x0) for _, other, x0 in out]
 
 

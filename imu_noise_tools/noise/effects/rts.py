@@ -200,9 +200,9 @@ class Rts(Spectrum):
         if not means:
             alike = _correlations(evidence, fit, length)
             some = next((k for k in range(1, max(1, len(z) // (2 * _SEGMENT)) + 1)
-                         if _are_white(alike[::k], len(z) // k)), len(z))
+                         if _are_white(alike[::k], len(z) // k)), 0)
         least = max(_LONG * width, (_LONG if means else _NEAR) * some * width)
-        if self['tau'] < least:
+        if not some or self['tau'] < least:
             return z[:0, None], t[:0, None], width
         z = z[: len(z) // some * some].reshape(-1, some)
         z = z.mean(axis=1) if means else z[:, -1]
