@@ -12,7 +12,7 @@ Nothing in a study names code to run: YAML is loaded safely, arrays without pick
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from difflib import get_close_matches
 import hashlib
@@ -408,24 +408,25 @@ def read(folder: str | Path) -> dict:
     return data
 
 
-def evidence_of(folder: str | Path, data: Mapping) -> dict[str, np.ndarray]:
+def refuse_other(folder: str | Path, data: Mapping,
+                 arrays: Mapping[str, np.ndarray] | None = None) -> None:
     """
-    Return the arrays of evidence.npz beside what :func:`read` gave.
+    Raise InputError where the evidence of what :func:`read` gave means something else now.
 
-    Raise InputError where they are damaged, or of a format that means something else than now.
+    ``arrays`` are those of evidence.npz where they are read already.
 
     """
     path = Path(folder) / 'evidence.npz'
-    arrays = load_arrays(path)
-    stated = arrays.pop(_VERSION, np.array(1))
+    arrays = load_arrays(path, (_VERSION,)) if arrays is None else arrays
+    stated = arrays.get(_VERSION, np.array(1))
     number = int(stated) if stated.shape == () and stated.dtype.kind in 'iu' else 0
     if number > NEWEST:
         raise InputError(f'{path}: evidence of format {number}, for which this version is too old '
                          f'(it reads up to {NEWEST})', 'update imu_noise_tools')
     if number >= OLDEST[str(data['domain'])]:
-        return arrays
-    path = data['source'].get('path')
-    bag = shlex.quote(path) if path and isinstance(path, str) else 'BAG'
+        return
+    of = data['source'].get('path')
+    bag = shlex.quote(of) if of and isinstance(of, str) else 'BAG'
     raise InputError(
         f'{folder}: evidence of format {number}, written by an older version',
         f'make it anew: imu_noise analyse {bag} -o {shlex.quote(str(folder))} --force')
@@ -502,10 +503,11 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
 
     """
     data = read(folder)
-    arrays = evidence_of(folder, data)
+    arrays = load_arrays(Path(folder) / 'evidence.npz')
+    refuse_other(folder, data, arrays)
     try:
         problems = package(data['domain']).problems(
-            {k: v for k, v in arrays.items() if not k.startswith(_LADDER)})
+            {k: v for k, v in arrays.items() if k != _VERSION and not k.startswith(_LADDER)})
         states = {}
         for target, entry in data['targets'].items():
             model = Model(
@@ -535,9 +537,9 @@ def load(folder: str | Path, intervals: bool = True) -> Study:
         ) from None
 
 
-def load_arrays(path: str | Path) -> dict[str, np.ndarray]:
+def load_arrays(path: str | Path, names: Collection[str] = ()) -> dict[str, np.ndarray]:
     """
-    Return the arrays of an .npz file, never unpickling.
+    Return the arrays of an .npz file, never unpickling; of some ``names`` those that are there.
 
     Raise InputError where it is damaged or bloated.
 
@@ -554,7 +556,7 @@ def load_arrays(path: str | Path) -> dict[str, np.ndarray]:
                     'not the evidence of a study',
                 )
         with np.load(path, allow_pickle=False) as data:
-            return {k: data[k] for k in data.files}
+            return {k: data[k] for k in data.files if not names or k in names}
     except OSError as error:
         raise InputError(
             f'{path}: {error.strerror or error}', 'analyse the bag again with --force'

@@ -99,7 +99,7 @@ class Session:
         if data['source'].get('sheet'):
             raise InputError(f'{folder}: a data sheet, no measurement',
                              'analyse a record of the unit')
-        store.evidence_of(folder, data)
+        store.refuse_other(folder, data)
 
     # --- what is under way -----------------------------------------------------------------------
 

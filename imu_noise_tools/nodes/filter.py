@@ -24,7 +24,7 @@ from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
-from .times import STANDING, Times
+from .times import REMEDY, STANDING, Times
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..core.errors import InputError
 from ..core.units import GYRO_UNITS, read_in
@@ -36,7 +36,7 @@ from ..tasks.filter import BIAS, CORRELATED, from_study
 
 _SHOWN = 4096           # latest innovations of which the figures are published
 _JUDGED = 16384         # latest samples that a diagnosis looks at
-_ARRIVALS = f'{STANDING}; the receive times are used; stamp the messages in the driver'
+_ARRIVALS = f'{STANDING}; the receive times are used; {REMEDY}'
 
 
 class Filter(Node):

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .times import STANDING
+from .times import REMEDY, STANDING
 from ..core.allan import degrees_of_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
@@ -189,7 +189,7 @@ class Stream:
             self._append(stamps, np.column_stack([gyro, accel]))
             if self.standing and not self._said:
                 self._said = True
-                said = f'{STANDING}; stamp the messages in the driver'
+                said = f'{STANDING}; {REMEDY}'
         return said
 
     def _again(self, stamps, first) -> int | None:
@@ -265,7 +265,7 @@ class Stream:
         t = (stamps - stamps[0]) * 1e-9
         rate_hz = regular_rate(t)
         if rate_hz is None:
-            raise InputError(f'{topic}: the stamps do not advance', 'stamp the messages')
+            raise InputError(f'{topic}: {STANDING}', 'stamp the messages')
         there = [bool(np.any((x != 0) & ~np.isnan(x))) for x in (gyro, accel)]
         if not any(there):
             raise InputError(f'{topic} holds neither rates nor accelerations', 'check the driver')

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-STANDING = 'the stamps do not advance'
+STANDING, REMEDY = 'the stamps do not advance', 'stamp the messages in the driver'
 _MESSAGES, _NS = 16, 100_000_000    # fewer, or sooner, is a burst of a driver that reads a buffer
 
 
