@@ -8,9 +8,12 @@ import pytest
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.noise.blocks import block_power, FEWER, FIRST, leaked
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.views import power_in_time
+from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.views import covariance_of_means, power_in_time
 
 DT = 0.01
 AXES = ['gyro_x', 'gyro_y', 'gyro_z']
@@ -60,3 +63,34 @@ def test_what_leaks_keeps_its_power():
     assert seen[100] > 0.7
     assert seen[102] < 0.02
     assert leaked(np.ones(50)) == pytest.approx(np.ones(50))
+
+
+@pytest.mark.parametrize('length', [1, 2, 3, 4, 13, 30])
+def test_means_of_blocks_have_the_covariance_of_the_samples(length):
+    """Of blocks of few samples as well, behind a filter: what folds is what the record has."""
+    count = 64
+    n = count * length
+
+    def psd(f):
+        return 1 + 4 * np.cos(np.pi * f * DT) ** 2
+
+    k, j = np.arange(1, n), np.arange(n) + 0.5
+    basis = np.sqrt(2 / n) * np.cos(np.pi * np.outer(j, k) / n)
+    means = basis.reshape(count, length, n - 1).mean(axis=1)
+    exact = (means * psd(k / (2 * n * DT)) / (2 * DT)) @ means.T
+    told = covariance_of_means(psd, count, n, DT)
+    assert np.max(np.abs(told - exact)) < 0.02 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize(('seconds', 'rate'), [(4, 200), (15, 100)])
+def test_short_records_of_noise_pass(seconds, rate):
+    """Their blocks have a few samples each: 4 s of white noise failed in every axis."""
+    rng = np.random.default_rng(seconds)
+    n, failed = seconds * rate, []
+    for _ in range(3):
+        record = ImuRecord(rng.standard_normal((n, 3)), None, np.arange(n) / rate, rate)
+        for evidence in gather(record, AXES).values():
+            problem = NoiseProblem(evidence)
+            fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk')))
+            failed += [t.name for t in failures(problem.omnibus(fit))]
+    assert len(failed) <= 1

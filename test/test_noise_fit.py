@@ -20,6 +20,7 @@ from scipy.stats import binom
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.statistics import CHI2_90, CHI2_95, level_below
 from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
 from imu_noise_tools.noise.descent import Known, minimise
 from imu_noise_tools.noise.fit import fit
@@ -118,6 +119,32 @@ def test_upper_limits_hold():
     covers(some, edge['K'], 0.96)
     assert 5 < sum(e.value is None for e in some)
     assert all(e.upper95 is not None for e in some if e.value is None)
+
+
+@pytest.mark.parametrize('count', [1, 2, 5, 40])
+def test_the_upper_end_of_a_variance_that_few_values_tell(count):
+    """It is too low as often as it says: at the level of many values in up to 13 % of 5."""
+    rng = np.random.default_rng(count)
+    r = np.sum(rng.standard_normal((40_000, count)) ** 2, axis=1) / count   # over the true one
+    deviance = np.where(r < 1, count * (r - 1 - np.log(r)), 0.0)
+    for level, chance in ((CHI2_90, 0.05), (CHI2_95, 0.025)):
+        missed = np.mean(deviance > level_below(level, count))
+        assert missed == pytest.approx(chance, abs=4 * np.sqrt(chance / len(r)))
+    assert np.mean(deviance > CHI2_90) > 0.054
+    assert level_below(CHI2_90, 1e6) == pytest.approx(CHI2_90, abs=0.01)
+
+
+def test_a_limit_goes_with_how_few_coefficients_tell_of_it():
+    """Of a random walk that ten minutes hardly show they are one to ten."""
+    found = fits(lambda rng: 1e-3 * hidden.white(6000, 0.1, 1.0, rng) + 1e-3 * (
+        0.02 * np.sqrt(0.1) * np.cumsum(rng.standard_normal(6000))), ('white', 'random_walk'),
+        records=4, seed=8, dt=0.1)
+    limits = [e for e in estimates(found, 'random_walk', 'K') if e.value is None]
+    assert len(limits) >= 3
+    for e in limits:
+        size, deviance = np.array(sorted(e.profile)).T
+        at = np.interp(e.upper95, size, deviance)
+        assert level_below(CHI2_90, 10) - 0.1 < at < level_below(CHI2_90, 1) + 0.1
 
 
 @pytest.mark.thorough

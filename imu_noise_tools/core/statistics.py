@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtr, chdtrc, digamma, ndtri, polygamma
+from scipy.special import chdtr, chdtrc, digamma, gammaincinv, ndtr, ndtri, polygamma
 
 #: standard deviations within which, and below which, 95 % of a normal distribution lies
 TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
@@ -33,6 +33,20 @@ def interval(value: Any, std: Any, positive: bool = False) -> tuple[Any, Any]:
     """
     low, high = value - TWO_SIDED * std, value + TWO_SIDED * std
     return (max(low, 0.0), high) if positive else (low, high)
+
+
+def level_below(level: float, count: float) -> float:
+    """
+    Return the deviance at the upper end of a variance that so many normal values tell.
+
+    Of many a squared normal deviation, the ``level``, is the deviance where the variance is too
+    small by chance as often as that deviation is exceeded on one side. Of k it is
+    k (r - 1 - ln r), k r the quantile of chi-squared_k of the same chance, and more.
+
+    """
+    k = max(count, 1.0)
+    r = 2 / k * float(gammaincinv(0.5 * k, ndtr(-np.sqrt(level))))
+    return float(k * (r - 1 - np.log(r)))
 
 
 def sum_of_squares(y: np.ndarray) -> float:

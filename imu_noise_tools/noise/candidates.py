@@ -140,23 +140,24 @@ def _has_enough(model: Model, cls: type[NoiseEffect]) -> bool:
 def as_likely_beforehand(problem: NoiseProblem, fit: Fit,
                          findings: list[Finding]) -> list[Finding]:
     """
-    Return the findings, a mean that follows what is recorded counted as one with a course is.
+    Return the findings, a mean that follows what is recorded counted by its plain form if better.
 
-    What has many ways to read a record must gain the more over nothing for it. Where one that
-    chooses none of them does what a course does that the mean may have by itself, both are there
-    or neither, and it costs no more than that: what settles does so as what it follows does, and
-    between the two the data alone decide.
+    What has many ways to read a record must gain the more over nothing for it. One that chooses
+    none of them costs what one free parameter does. Where it does what a course does that the mean
+    may have by itself, both are there or neither, and it costs no less than that: what settles
+    does so as what it follows does, and between the two the data alone decide.
 
     """
     courses = [f for f in findings if isinstance(f.effect, Mean) and f.gain > f.penalty
                and not f.against and f.effect.plain() is None]
     best = max(courses, key=surplus, default=None)
-    return [_plainly(problem, fit, f, best) if best is not None and isinstance(f.effect, Mean)
-            else f for f in findings]
+    # a shape that is free gains half a nat of what it does by chance
+    cost = DIRECTED if best is None else price(best) - 0.5 * best.shapes
+    return [_plainly(problem, fit, f, cost) if isinstance(f.effect, Mean) else f for f in findings]
 
 
-def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, course: Finding) -> Finding:
-    """Return a finding as its plain form is counted beside a course, where that is more."""
+def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, cost: float) -> Finding:
+    """Return a finding as its plain form is counted at a cost, nats, where that stands out more."""
     plain = cast(Mean, finding.effect).plain()
     if plain is None or not problem.evidence.starts(plain):
         return finding
@@ -164,10 +165,8 @@ def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, course: Finding)
     if key not in problem.tried:
         more = _refitted(problem.evidence, fit, plain)
         problem.tried[key] = Tried(None, _gain(problem.evidence, fit, more, False))
-    # a shape that is free gains half a nat of what it does by chance
-    cost = price(course) - 0.5 * course.shapes
     counted = replace(finding, gain=problem.tried[key].whole, penalty=cost, shapes=0)
-    return counted if surplus(counted) > surplus(finding) else finding
+    return counted if surplus(counted) > max(surplus(finding), 0.0) else finding
 
 
 def by_one_measure(tried: list[Tried]) -> list[Finding]:

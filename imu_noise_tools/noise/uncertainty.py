@@ -16,7 +16,9 @@ from .kinds import MEASURED, NoiseEffect, Spectrum
 from .likelihood import Likelihood, Linear, settled
 from .response import OPEN
 from ..core import units
-from ..core.statistics import CHI2_90, CHI2_95, CHI2_995, interval, ONE_SIDED
+from ..core.statistics import (
+    CHI2_90, CHI2_95, CHI2_995, interval, level_below, ONE_SIDED
+)
 from ..loop.effect import Estimate, Model
 
 TRIED = 48  # sizes of an amplitude, over all that it may have
@@ -184,8 +186,8 @@ def _limit(profile: _Profile, j: int, wide: float, here: Estimate) -> Estimate:
     """Return the estimate of an amplitude that may be nothing, ``wide`` a step in the search."""
     slot, model = profile.likelihood.slots[j], profile.likelihood.model
     bound = slot.bounds[1]
-    upper = slot.from_search(profile.crossing(j, +1, CHI2_90, wide) or bound)
-    hi = slot.from_search(profile.crossing(j, +1, CHI2_95, wide) or bound)
+    upper, hi = (slot.from_search(profile.highest(j, level, wide) or bound)
+                 for level in (CHI2_90, CHI2_95))
     hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
     if _never_absent(model, slot.label) and here.value > SHOWN * hi:
         return replace(here, ci95=(0.0, hi), note=NOT_TOLD_FROM_DRIFT)
@@ -262,6 +264,23 @@ class _Profile:
                 sizes[:, i] = np.linspace(slot.bounds[0], slot.bounds[1], TRIED)
                 starts.append(min(sizes, key=lambda x: self.likelihood.value(x)[0]))
         return self.deviance(j, float(none[j]), *starts)
+
+    def highest(self, j: int, level: float, step: float) -> float | None:
+        """
+        Return the upper end of an amplitude that may be nothing, where the deviance has a level.
+
+        What little a record shows of it is in few coefficients. Of k of them the deviance goes
+        farther down than up, and its level is that which chance exceeds below in chi-squared_k as
+        often as in a normal distribution. None where it never comes to that.
+
+        """
+        at = self.crossing(j, +1, level, step)
+        if at is None or not self.likelihood.slots[j].parameter.log:
+            return at
+        x = self.deviance(j, at, self.top)[1]
+        # ln sigma of k coefficients has an information of 2 k
+        count = 0.5 * float(marginal(self.likelihood.information(x), [j])[0, 0])
+        return self.crossing(j, +1, level_below(level, count), step)
 
     def crossing(self, j: int, sign: int, level: float, step: float,
                  without: np.ndarray | None = None) -> float | None:

@@ -347,7 +347,7 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     x = mean(np.concatenate(columns, axis=1))
     scale = np.sqrt(np.mean(x**2, axis=0))
     covariance = (
-        _covariance_of_means(
+        covariance_of_means(
             lambda f: model_psd(noise, f, e.dt) + _missed(e, fit.model, f),
             count, used * e.common.slow_length, e.dt
         )
@@ -370,26 +370,23 @@ def _missed(evidence: Evidence, model: Model, f: np.ndarray) -> np.ndarray | flo
     return np.interp(f, known.bins.f, known.missed(model))
 
 
-def _covariance_of_means(psd, count, n, dt):
+def covariance_of_means(psd, count, n, dt):
     """
     Return the covariance of the means of ``count`` blocks.
 
     It is Phi diag(V) Phi^T, Phi the DCT basis of the blocks.
 
     A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its
-    Dirichlet kernel; k and 2 count j +- k fold onto each other.
+    Dirichlet kernel; k and 2 count j +- k fold onto each other, those of them that the record has.
 
     """
     q = np.arange(1, count)
     folds = 12
-    k = np.concatenate([q] + [2 * count * j + s * q for j in range(1, folds + 1) for s in (-1, 1)])
-    k = k[k < n].reshape(-1, len(q)) if n > k.max() else np.minimum(k, n - 1).reshape(-1, len(q))
+    k = np.stack([q] + [2 * count * j + s * q for j in range(1, folds + 1) for s in (-1, 1)])
+    has, k = k < n, np.minimum(k, n - 1)
     length = n // count
-    gain2 = (
-        (np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2
-        if length > 1
-        else np.concatenate([np.ones((1, len(q))), np.zeros((len(k) - 1, len(q)))])
-    )
+    gain2 = has * (
+        np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2
     s = psd(k.ravel() / (2 * n * dt)).reshape(k.shape)
     low = expected(psd, bins_of(n, dt))[: min(32, len(q))]
     s[0, : len(low)] = low
