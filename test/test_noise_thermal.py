@@ -201,6 +201,21 @@ def test_a_course_and_a_temperature_that_has_it_are_as_likely_beforehand(what, s
         assert ('Record the temperature' in said.advice) == ('none' in what)
 
 
+@pytest.mark.parametrize('seed', daily(range(4), 0))
+def test_one_slope_costs_one_free_parameter(seed):
+    """Of five standard errors it is named; all ways to read a thermometer cost more than that."""
+    rng = np.random.default_rng([seed, 62])
+    t = np.arange(18_000) / RATE
+    warmth = np.sin(2 * np.pi * t / 100 + seed)
+    x = 1e-3 * (rng.standard_normal((len(t), 3)) + np.outer(
+        warmth, [5.2 / np.sqrt(np.sum(warmth ** 2)), 0.0, 0.0]))
+    record = ImuRecord(x, None, t, RATE, covariates={'temperature': 24 + warmth})
+    said = analyse_record(record, keep_motion=True).diagnose(['gyro_x', 'gyro_y'])
+    assert [f.name for f in said['gyro_x'].found] == ['temperature']
+    assert 6 < said['gyro_x'].found[0].gain < 25
+    assert said['gyro_y'].verdict == 'complete'
+
+
 def swings(seconds):
     """Return the temperature of a die that warms up in a room of which the air is conditioned."""
     t = np.arange(float(seconds))

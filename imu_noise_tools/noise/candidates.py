@@ -157,7 +157,7 @@ def as_likely_beforehand(problem: NoiseProblem, fit: Fit,
 
 
 def _plainly(problem: NoiseProblem, fit: Fit, finding: Finding, cost: float) -> Finding:
-    """Return a finding as its plain form is counted at a cost, nats, where that stands out more."""
+    """Return a finding as its plain form is counted at a cost, nats, where that stands out."""
     plain = cast(Mean, finding.effect).plain()
     if plain is None or not problem.evidence.starts(plain):
         return finding
