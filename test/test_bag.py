@@ -741,13 +741,26 @@ def echoed(r):
                      for t, w, a in zip(stamp.tolist(), r.gyro.tolist(), r.accel.tolist())) + '\n'
 
 
-def written(r, head, factor=1.0, between=',', t=None, text=None):
+def written(r, head, factor=1.0, between=',', t=None, text=None, behind=None):
     """Return a table of stamps, rates (by a factor) and accelerations."""
     t = np.round(START + np.arange(r.n) * 1e7).astype(np.int64) if t is None else t
-    lines = [between.join([repr(s), *([text] if text else []), *map(repr, w), *map(repr, a)])
+    lines = [between.join([str(s), *([text] if text else []), *map(repr, w), *map(repr, a),
+                           *([behind] if behind else [])])
              for s, w, a in zip(t.tolist(), (r.gyro * factor).tolist(), r.accel.tolist())]
     lines = [x.replace('.', ',') for x in lines] if between == ';' else lines
     return '\n'.join([head, *lines]) + '\n'
+
+
+def two(r):
+    """Return stamps in two columns, seconds and nanoseconds."""
+    ns = START + np.arange(r.n) * 10 ** 7
+    return np.array([f'{t // 10 ** 9},{t % 10 ** 9}' for t in ns])
+
+
+def dated(r, between, zone):
+    """Return stamps as ISO 8601 writes them; the second turns in the midst of them."""
+    return np.array([f'2024-05-01{between}12:00:{k // 100:02d}.{k % 100:02d}0{zone}'
+                     for k in range(50, 50 + r.n)])
 
 
 AXES6 = 'gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z'
@@ -770,6 +783,23 @@ TABLES = {
     'deg/s': lambda r: written(r, 'timestamp_us,' + ','.join(
         f'{s}{c}{u}' for s, u in (('Gyro', ' (dps)'), ('Acc', '')) for c in 'XYZ'),
         180 / np.pi, t=1e6 * r.t),
+    'ulog2csv': lambda r: written(
+        r, 'timestamp,' + ','.join(f'{s}[{k}]' for s in ('gyro_rad', 'accelerometer_m_s2')
+                                   for k in range(3)) + ',accelerometer_timestamp_relative',
+        t=np.round(1e6 * r.t).astype(int), behind='0'),
+    'units in names': lambda r: written(
+        r, 'TimeUS,gx_dps,gy_dps,gz_dps,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2', 180 / np.pi,
+        t=1e6 * r.t),
+    'slashes': lambda r: written(
+        r, '%time,' + NOETIC.replace('field', '/imu/data').replace('.', '/'), t=r.t),
+    'sec and nanosec': lambda r: written(r, f'sec,nanosec,{AXES6}', t=two(r)),
+    'header.stamp.sec': lambda r: written(
+        r, 'header.stamp.sec,header.stamp.nanosec,header.frame_id,' + NOETIC, t=two(r),
+        text='imu'),
+    'dates': lambda r: written(r, f'time,{AXES6}', t=dated(r, 'T', 'Z')),
+    'dates with a zone': lambda r: written(r, f't,{AXES6}', t=dated(r, ' ', '+02:00')),
+    'dates, decimal comma': lambda r: written(
+        r, f'when,{AXES6}'.replace(',', ';'), between=';', t=dated(r, 'T', '')),
 }
 
 
@@ -782,10 +812,81 @@ def test_tables_of_others(name, tmp_path):
     np.testing.assert_allclose(record.gyro, r.gyro, rtol=1e-12)
     np.testing.assert_allclose(record.accel, r.accel, rtol=1e-12)
     assert record.rate_hz == pytest.approx(100, rel=1e-5) and not record.covariates
-    assert bool(record.warnings) == (name == 'deg/s'), record.warnings
+    degrees = name in ('deg/s', 'units in names')
+    assert bool(record.warnings) == degrees, record.warnings
     again = open_record(tmp_path / 'x.csv', gyro_unit='deg/s')      # what is said goes first
-    np.testing.assert_allclose(again.gyro, r.gyro * (1 if name == 'deg/s' else np.pi / 180))
+    np.testing.assert_allclose(again.gyro, r.gyro * (1 if degrees else np.pi / 180))
     assert topics(tmp_path / 'x.csv')[0].samples == r.n
+
+
+def test_times_as_dates_are_those(tmp_path):
+    """UTC where no zone is said."""
+    for zone, ahead in (('Z', 0), ('', 0), ('+02:00', 7200), ('-0330', -12600)):
+        (tmp_path / 'x.csv').write_text(
+            written(bad_input.still(5), f't,{AXES6}', t=dated(bad_input.still(5), 'T', zone)))
+        assert open_record(tmp_path / 'x.csv').start == 1714564800.5 - ahead
+
+
+def test_px4s_tables_are_told_by_their_names(tmp_path):
+    """Two have the same columns: the name of the file tells which; what is invalid is missing."""
+    r = bad_input.still(5)
+    head = 'timestamp,timestamp_sample,x,y,z,temperature'
+    lines = [f'{k * 10000 + 7},{k * 10000},{x},{y},{z},31'
+             for k, (x, y, z) in enumerate(r.accel)]
+    for name in ('sensor_gyro', 'sensor_accel'):
+        path = tmp_path / f'log_1_{name}_0.csv'
+        path.write_text('\n'.join([head, *lines]) + '\n')
+        record = open_record(path)
+        assert record.rate_hz == pytest.approx(100) and record.start == 0
+        assert (record.gyro is None, record.accel is None) == (
+            name != 'sensor_gyro', name == 'sensor_gyro')
+    path = path.rename(tmp_path / 'x.csv')
+    with pytest.raises(InputError, match='no axis; its columns are timestamp, timestamp_sample'):
+        open_record(path)
+    lines = TABLES['ulog2csv'](r).splitlines()
+    lines[9] = lines[9][:-1] + str(0x7fffffff)
+    path.write_text('\n'.join(lines) + '\n')
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(open_record(path).accel[:, 0])), [8])
+    fields = 'gyro=gyro_rad,accel=accelerometer_m_s2,stamp=timestamp:us'     # as of a bag
+    np.testing.assert_array_equal(open_record(path, fields=fields).gyro, r.gyro)
+
+
+@pytest.mark.parametrize('put, words, at', [
+    ({500: '4.99,0.00', }, 'cut short; its last line was left out', [499]),
+    ({500: '\0' * 40}, 'cut short; its last line was left out', [499]),
+    ({300: '2.99,0.001,0.00x,1,1,1,1'},
+     "line 301 is not 7 numbers and was left out: '2.99,", [299]),
+    ({300: '0.001,1,1,1,1,1', 301: '# restart'},
+     '2 of 500 lines are not 7 numbers and were left out; the first is line 301: ', [299, 300])])
+def test_a_few_bad_lines_are_left_out(put, words, at, tmp_path):
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    lines = written(r, f't,{AXES6}', t=r.t).splitlines()
+    for k, line in put.items():
+        lines[k] = line
+    path.write_text('\n'.join(lines) + '\n')
+    record = open_record(path)
+    np.testing.assert_array_equal(record.gyro, np.delete(r.gyro, at, axis=0))
+    (said,) = record.warnings
+    assert words in said
+
+
+def test_many_bad_lines_are_refused(tmp_path):
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    lines = written(r, f't,{AXES6}', t=r.t).splitlines()
+    for k in range(100, 106):
+        lines[k] = 'x' + lines[k]
+    path.write_text('\n'.join(lines) + '\n')
+    with pytest.raises(InputError, match=r'line 101 is not 7 .*\(and 5 of the 499 others'):
+        open_record(path)
+
+
+def test_stamps_in_an_unknown_unit_are_answered_with_the_likely_one(tmp_path):
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    path.write_text(written(r, f'timestamp,{AXES6}', t=1e6 * r.t))
+    with pytest.raises(InputError, match='microseconds, 100 Hz, divide them by 1e6.*column t_us'):
+        open_record(path)
+    path.write_text(written(r, f't_us,{AXES6}', t=1e6 * r.t))
+    assert open_record(path).rate_hz == pytest.approx(100)
 
 
 def test_columns_that_are_named(tmp_path):

@@ -5,8 +5,9 @@
 Which columns of a table of text are what.
 
 Known are our own names, those of EuRoC (``w_RS_S_x [rad s^-1]``), of ``rostopic echo -p``, of
-PlotJuggler's export and of many loggers (``gx``, ``acc_x``, ``angular_velocity.x``), and the
-columns of ``ros2 topic echo --csv``, which have no names. Others are named with ``--fields``.
+PlotJuggler's export and of many loggers (``gx``, ``acc_x``, ``angular_velocity.x``,
+``accel_z_g``), those of PX4's topics, and the columns of ``ros2 topic echo --csv``, which have no
+names. Others are named with ``--fields``.
 
 """
 
@@ -15,34 +16,57 @@ from __future__ import annotations
 from collections.abc import Sequence
 import csv
 from dataclasses import dataclass, field
+from datetime import datetime
+from functools import lru_cache
 import os
 from pathlib import Path
 import re
 
-from .fields import Fields, TEMPERATURE_UNITS, TIME_UNITS
+from .fields import Fields, known_table, TEMPERATURE_UNITS, TIME_UNITS
 from ..core.errors import InputError, listed, unknown, UsageError
 from ..core.record import AXES
 from ..core.units import INPUT, SI
 
-SAMPLE = {
-    'gyro': re.compile(r'(?:^|_)(?:gyro(?:scope)?|gyr|angular_?(?:velocity|rate)|ang_?vel|omega'
-                       r'|w_rs_s|w|g)_?([xyz])$'),
-    'accel': re.compile(r'(?:^|_)(?:acc(?:el(?:eration|erometer)?)?|linearacceleration|a_rs_s|a)'
-                        r'_?([xyz])$'),
+#: units as names have them behind the sensor or the axis: gyro_rad[0], accel_x_m_s2, gx_dps
+IN_NAMES = {
+    'gyro': {'rad': 'rad/s', 'rads': 'rad/s', 'radps': 'rad/s', 'rad_s': 'rad/s',
+             'degs': 'deg/s', 'dps': 'deg/s', 'deg_s': 'deg/s', 'mdps': 'mdeg/s'},
+    'accel': {'ms2': 'm/s^2', 'mps2': 'm/s^2', 'mss': 'm/s^2', 'm_s2': 'm/s^2', 'm_s_2': 'm/s^2',
+              'm_s_s': 'm/s^2', 'g': 'g', 'mg': 'mg'},
 }
-#: names of the column of the stamps, the best first; a second one that holds parts of them, ns
+#: names of a sensor; what may be an acceleration (``acc_g_x``) is none of the gyroscope
+SAMPLE = {
+    sensor: re.compile(rf'(?:^|_)(?:{words})_?(?:({units})_)?([xyz])(?:_({units}))?$')
+    for sensor, words, units in (
+        ('accel', 'acc(?:el(?:eration|erometer)?)?|linearacceleration|a_rs_s|a',
+         '|'.join(IN_NAMES['accel'])),
+        ('gyro', 'gyro(?:scope)?|gyr|angular_?(?:velocity|rate)|ang_?vel|omega|w_rs_s|w|g',
+         '|'.join(IN_NAMES['gyro'])))
+}
+#: words for a unit of time
+TIMES = {word: unit for unit, words in {
+    's': 's sec secs second seconds', 'ms': 'ms msec msecs millis milliseconds',
+    'us': 'us usec usecs micros microsec microseconds µs',
+    'ns': 'ns nsec nsecs nanos nanosec nanosecs nanoseconds'}.items() for word in words.split()}
+_WHOLE = '(?:s|secs?|seconds?)$'
+_PART = '(?:' + '|'.join(w for w, unit in TIMES.items() if unit in ('ns', 'us')) + ')$'
+#: names of the column of the stamps, the best first; a second one that holds parts of a second
 STAMP = (
-    (re.compile(r'(?:^|_)header_stamp_secs?$'),
-     re.compile(r'(?:^|_)header_stamp_n(?:ano)?secs?$')),
+    (re.compile('(?:^|_)header_stamp_' + _WHOLE), re.compile('(?:^|_)header_stamp_' + _PART)),
     (re.compile(r'(?:^|_)header_stamp$'), None),
-    (re.compile(r'^(?:t|time|time_?stamp|stamp|seconds|secs?)(?:_(?:s|ms|us|ns))?$'), None),
+    (re.compile('(?:^|_)' + _WHOLE), re.compile('(?:^|_)' + _PART)),
+    (re.compile(rf'^(?:t|time|time_?stamp|time_boot|stamp|(?={"|".join(TIMES)}))'
+                rf'(?:_?(?:{"|".join(TIMES)}))?$'), None),
 )
+ISO = re.compile(r'(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?'
+                 r'\s*(?:Z|UTC|([+-]\d\d):?(\d\d))?')
 WARM = re.compile(r'(?:^|_)temp(?:erature)?(?:_|$)')
-UNIT = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
+UNIT = re.compile(r'\s*[\[(](?!\d+[\])])([^\])]*)[\])]\s*$')
+ELEMENT = re.compile(r'(?:\[|\.0)([012])\]?$')       # of an array: gyro_rad[0], gyro_rad.00
 #: what is written for a unit, without spaces and ^
 WRITTEN = {'rads-1': 'rad/s', 'degs-1': 'deg/s', 'dps': 'deg/s', '°/s': 'deg/s',
            'mdps': 'mdeg/s', 'm/s2': 'm/s^2', 'ms-2': 'm/s^2', 'm/s/s': 'm/s^2', 'm/s²': 'm/s^2',
-           'sec': 's', 'µs': 'us', '°c': 'degC', 'degc': 'degC', 'c': 'degC', 'k': 'K'}
+           '°c': 'degC', 'degc': 'degC', 'c': 'degC', 'k': 'K'}
 #: of sensor_msgs/Imu, one number after another; names are ours where they are used
 ECHO = ('header.stamp.sec', 'header.stamp.nanosec', 'frame_id', *('orientation',) * 13,
         *AXES[:3], *('covariance',) * 9, *AXES[3:], *('covariance',) * 9)
@@ -56,9 +80,11 @@ class Columns:
     """
     How the lines of a table are read.
 
-    ``place`` is where ``t``, ``t_ns``, ``gyro_x`` ... are among the columns, ``scale`` of those
+    ``place`` is where ``t``, ``t_part``, ``gyro_x`` ... are among the columns, ``scale`` of those
     that need it (factor, what is added); ``units`` are those by sensor that are stated and not SI;
-    ``text`` the columns that hold no numbers. Of a table of ours (``own``) all are taken.
+    ``text`` the columns that hold no numbers, ``dates`` those of them that hold times as ISO 8601
+    writes them; ``invalid`` as in :class:`~imu_noise_tools.bag.fields.Fields`, by places. Of a
+    table of ours (``own``) all are taken.
 
     """
 
@@ -69,6 +95,9 @@ class Columns:
     scale: dict[str, tuple[float, float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     text: set[int] = field(default_factory=set)
+    dates: set[int] = field(default_factory=set)
+    invalid: tuple[tuple[str, str, int], ...] = ()
+    first: list[str] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
     own: bool = False
     headed: bool = True
@@ -83,6 +112,27 @@ class Columns:
         else:
             cells = line.split(self.delimiter)
         return cells if self.delimiter == ',' else [c.replace(',', '.') for c in cells]
+
+    def number(self, cell: str, place: int) -> float:
+        """Return what a cell of a column says, NaN where it is empty; raise ValueError if none."""
+        if not cell.strip():
+            return float('nan')
+        return seconds(cell) if place in self.dates else float(cell)
+
+
+def seconds(text: str) -> float:
+    """Return the seconds since 1970 of a time as ISO 8601 writes it, UTC where it says no zone."""
+    there = ISO.fullmatch(text.strip().strip('"'))
+    if not there:
+        raise ValueError(f'{text} is no time')
+    day, clock, part, hours, minutes = there.groups()
+    zone = (int(hours) * 3600 + int(hours[0] + minutes) * 60) if hours else 0
+    return _whole(day, clock) + float('0' + (part or '.0').replace(',', '.')) - zone
+
+
+@lru_cache(maxsize=16)          # a second has many samples
+def _whole(day: str, clock: str) -> float:
+    return datetime.fromisoformat(f'{day}T{clock}+00:00').timestamp()
 
 
 def columns_of(path: Path, first: str, second: str, fields: Fields | None) -> Columns:
@@ -108,7 +158,10 @@ def columns_of(path: Path, first: str, second: str, fields: Fields | None) -> Co
         found.names, found.headed, second = [str(k + 1) for k in range(len(cells))], False, first
     else:
         found.names = cells
-    found.text = {k for k, c in enumerate(found.cells(second)) if c.strip() and not _is_number(c)}
+    found.first = [c.strip() for c in found.cells(second.rstrip('\r\n'))]
+    found.text = {k for k, c in enumerate(found.first) if c and not _is_number(c)}
+    found.dates = {k for k in found.text if ISO.fullmatch(found.first[k].strip('"'))}
+    fields = fields or known_table(found.names, path.stem)
     if fields is None:
         _by_names(found)
     else:
@@ -125,14 +178,26 @@ def _is_number(cell: str) -> bool:
 
 
 def _plain(name: str) -> str:
-    """Return a name without its unit, in small letters, parts joined by ``_``."""
-    return re.sub('[^a-z0-9]+', '_', UNIT.sub('', name).lower()).strip('_')
+    """Return a name without its unit, in small letters, parts joined by ``_``; [0] as x."""
+    name = ELEMENT.sub(lambda k: '_' + 'xyz'[int(k[1])], UNIT.sub('', name))
+    return re.sub('[^a-z0-9]+', '_', name.lower()).strip('_')
+
+
+def _sample(plain: str) -> tuple[str, str]:
+    """Return which axis of ours a plain name means, and the unit that it has in it, or nothing."""
+    for sensor, pattern in SAMPLE.items():
+        if there := pattern.search(plain):
+            before, axis, behind = there.groups()
+            return f'{sensor}_{axis}', IN_NAMES[sensor].get(behind or before or '', '')
+    return '', ''
 
 
 def _stated(name: str) -> str:
     """Return the unit that a name states, as ours are written."""
     unit = UNIT.search(name)
-    said = unit[1].replace(' ', '').replace('^', '').lower() if unit else ''
+    if not unit:
+        return _sample(_plain(name))[1]
+    said = unit[1].replace(' ', '').replace('^', '').lower()
     return WRITTEN.get(said, said)
 
 
@@ -143,15 +208,15 @@ def _by_names(found: Columns) -> None:
     if found.own and len(set(names)) != len(names):
         raise InputError(f'{found.path}: its first line names a column twice', HOW)
     plain = [_plain(n) for n in names]
-    for sensor, pattern in SAMPLE.items():
-        for axis in (a for a in AXES if a.startswith(sensor)):
-            fits = [k for k, n in enumerate(names) if n == axis] or [
-                k for k, n in enumerate(plain) if (m := pattern.search(n)) and m[1] == axis[-1]]
-            if len(fits) > 1:
-                raise InputError(f'{found.path}: several columns may be {axis}: '
-                                 + ', '.join(found.names[k] for k in fits), HOW)
-            if fits:
-                found.place[axis] = fits[0]
+    meant = [_sample(n)[0] for n in plain]
+    for axis in AXES:
+        fits = [k for k, n in enumerate(names) if n == axis] or [
+            k for k, n in enumerate(meant) if n == axis]
+        if len(fits) > 1:
+            raise InputError(f'{found.path}: several columns may be {axis}: '
+                             + ', '.join(found.names[k] for k in fits), HOW)
+        if fits:
+            found.place[axis] = fits[0]
     if not set(found.place) & set(AXES):
         what = 'has no line of names' if not found.headed else 'its first line names no axis'
         raise InputError(
@@ -188,9 +253,12 @@ def _by_fields(found: Columns, fields: Fields) -> None:
     units = fields.units or {}
     for sensor in SAMPLE:
         three = getattr(fields, sensor)
-        if len(three) == 1:
-            raise UsageError(f'invalid --fields {sensor}={three[0]}',
-                             'of a table three columns, joined with +')
+        if len(three) == 1:         # an array
+            element = _plain(three[0])
+            three = tuple(f'{element}_{c}' for c in 'xyz')
+            if not set(three) <= set(plain):
+                raise UsageError(f'invalid --fields {sensor}={element}',
+                                 'of a table three columns, joined with +')
         found.place |= {f'{sensor}_{c}': place(name) for c, name in zip('xyz', three)}
         if three:
             unit = units.get(sensor) or _stated(found.names[found.place[f'{sensor}_x']])
@@ -198,11 +266,14 @@ def _by_fields(found: Columns, fields: Fields) -> None:
     if fields.stamp:
         k = place(fields.stamp)
         found.place['t'] = k
-        _time_unit(found, units.get('stamp') or _stated(found.names[k]))
+        _time_unit(found, 't', units.get('stamp') or _time_stated(found.names[k]))
     else:
         _stamps(found, plain)
     if fields.temperature:
         _temperature(found, place(fields.temperature), units.get('temperature', ''))
+    for sensor, name, value in fields.invalid:
+        found.place[f'?{name}'] = place(name)
+        found.invalid += ((sensor, f'?{name}', value),)
 
 
 def _unit(found: Columns, sensor: str, unit: str) -> None:
@@ -225,27 +296,45 @@ def _stamps(found: Columns, plain: Sequence[str]) -> None:
     sample = found.names[next(iter(found.place.values()))]
 
     def nearest(pattern: re.Pattern[str]) -> int | None:
-        fits = [k for k, n in enumerate(plain) if pattern.search(n) and k not in found.text]
+        fits = [k for k, n in enumerate(plain)
+                if pattern.search(n) and k not in found.text - found.dates]
         return max(fits, default=None,
                    key=lambda k: len(os.path.commonprefix([found.names[k], sample])))
 
     for whole, parts in STAMP:
         k, fine = nearest(whole), nearest(parts) if parts else None
-        if k is None or parts and fine is None:
+        if k is None or parts and (fine is None or not _are_parts(found, k, fine)):
             continue
         found.place['t'] = k
         if fine is not None:
-            found.place['t_ns'] = fine
+            found.place['t_part'] = fine
+            _time_unit(found, 't_part', _time_stated(found.names[fine]))
             return
         ros1 = any(n.startswith('field.') for n in found.names)
-        name = found.names[k].lower()
-        _time_unit(found, _stated(name) or ('ns' if ros1 else name.rpartition('_')[2]))
+        _time_unit(found, 't', _time_stated(found.names[k]) or ('ns' if ros1 else ''))
         return
+    if len(found.dates) == 1:
+        found.place['t'] = min(found.dates)
 
 
-def _time_unit(found: Columns, unit: str) -> None:
-    if unit in TIME_UNITS:
-        found.scale['t'] = TIME_UNITS[unit] * 1e-9, 0.0
+def _are_parts(found: Columns, whole: int, fine: int) -> bool:
+    """Tell by the first line whether one column counts whole seconds, and another parts of one."""
+    counts = [found.first[k] for k in (whole, fine) if k < len(found.first)]
+    most = 1_000_000_000 / TIME_UNITS[_time_stated(found.names[fine])]
+    return (len(counts) == 2 and all(re.fullmatch(r'\d+(?:\.0*)?', c) for c in counts)
+            and float(counts[1]) < most)
+
+
+def _time_stated(name: str) -> str:
+    """Return the unit that the name of a time states: in brackets, or as its last word."""
+    unit = UNIT.search(name)
+    word = unit[1].strip() if unit else re.sub('^(?:time_?stamp|time|t)', '', _plain(name))
+    return TIMES.get(word.lower().rpartition('_')[2], '')
+
+
+def _time_unit(found: Columns, name: str, unit: str) -> None:
+    if unit in TIME_UNITS and found.place[name] not in found.dates:
+        found.scale[name] = TIME_UNITS[unit] * 1e-9, 0.0
 
 
 def _temperature(found: Columns, place: int, unit: str) -> None:

@@ -13,7 +13,7 @@ length.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 import re
@@ -450,6 +450,28 @@ def known_shape(connection: Connection) -> Shape | None:
         except (Damaged, UsageError):
             continue
     return None
+
+
+def known_table(names: Collection[str], file: str) -> Fields | None:
+    """
+    Return how a table with these columns is read, where they are of a known type; or None.
+
+    So PX4's ``ulog2csv`` writes them: a column for each number. Types that have the same ones are
+    told by the name of the file, which ends in that of the topic.
+
+    """
+    fits = {}
+    for type, (_, choices) in KNOWN.items():
+        for fields in choices:
+            vectors = (f'{v}[{k}]' for v in fields.gyro + fields.accel for k in range(3)) \
+                if len(fields.gyro or fields.accel) == 1 else fields.gyro + fields.accel
+            wanted = {*vectors, fields.stamp, *(f for _, f, _ in fields.invalid)}
+            if type not in fits and wanted | {fields.temperature} <= {*names, ''}:
+                fits[type] = fields
+    if len(fits) > 1:
+        topic = {t: re.sub('(?<=[a-z])(?=[A-Z])', '_', t.rpartition('/')[2]).lower() for t in fits}
+        fits = {t: f for t, f in fits.items() if topic[t] in file}
+    return next(iter(fits.values())) if len(fits) == 1 else None
 
 
 def proposed(connection: Connection) -> str:

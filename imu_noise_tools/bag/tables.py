@@ -14,11 +14,12 @@ from dataclasses import replace
 import io
 from pathlib import Path
 import re
+from typing import Any
 import zipfile
 
 import numpy as np
 
-from .columns import Columns, columns_of
+from .columns import Columns, columns_of, seconds, TIMES
 from .container import AT_LEAST, EXPANSION
 from .fields import Fields
 from .source import _refuse_what_cannot_be_read
@@ -36,7 +37,9 @@ CSV_COLUMNS = (
 #: parts of a second that stamps since 1970 may come in, and seconds since then that are now
 SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
 NOW = (0.9e9, 5e9)
+USUAL = (8.0, 8000.0)       # Hz, of IMUs: three decades, so that one unit fits
 LONGEST_STEP = 1000.0   # s from stamp to stamp that an IMU may have
+MOST_BAD = 0.01             # of the lines of a .csv may be left out, as of samples
 CONTRADICTS = 0.01          # more than the clock of a stamp is off
 
 
@@ -195,8 +198,13 @@ def _in_seconds(path: Path, t: np.ndarray, said: list[str]) -> np.ndarray:
             return t / parts
     step = float(np.median(np.abs(np.diff(known))))
     if step > LONGEST_STEP:
+        unit, parts = next(
+            ((u, p) for u, p in SINCE_1970.items() if USUAL[0] < p / step < USUAL[1]),
+            ('nanoseconds', 1e9))
+        name = f' (or name the column t_{TIMES[unit]})' if table_kind(path) == 'csv' else ''
         raise InputError(f'{path}: t is in s, and its stamps are {step:.3g} s apart',
-                         'divide them by 1e9 if they are nanoseconds')
+                         f'if they are {unit}, {parts / step:.4g} Hz, divide them by {parts:.0e}'
+                         .replace('e+0', 'e') + name)
     return t
 
 
@@ -316,24 +324,28 @@ def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray],
     with open(path, encoding='utf-8', errors='replace', newline=None) as file:
         first, second = (file.readline(1 << 16) for _ in range(2))
         columns = columns_of(path, first, second, fields)
-        said = columns.said
         if columns.headed and not second.strip():
             raise InputError(f'{path}: has a line of names and no samples', 'record again')
         lines = [second] if columns.headed else [first, second]
         line = 3 - len(lines)
         blocks: list[np.ndarray] = []
+        bad = _Bad(columns)
         lines += file.readlines(1 << 22)
         while lines:
-            blocks.append(_numbers(columns, lines, line, said))
+            blocks.append(_numbers(columns, lines, line, bad))
             line += len(lines)
             lines = file.readlines(1 << 22)
     table = np.concatenate(blocks)
+    bad.say(len(table))
     found = {n: table[:, k] for k, n in enumerate(columns.place)}
     for name, (factor, more) in columns.scale.items():
         if name in found:
             found[name] = factor * found[name] + more
-    if 't_ns' in found:
-        found['t'] = found['t'] + 1e-9 * found.pop('t_ns')
+    if 't_part' in found:
+        found['t'] = found['t'] + found.pop('t_part')
+    for sensor, name, value in columns.invalid:
+        nothing = found.pop(name) == value
+        found |= {a: np.where(nothing, np.nan, found[a]) for a in AXES if a.startswith(sensor)}
     if not columns.own:         # of a table of several topics other lines are theirs
         there = np.any([np.isfinite(x) for n, x in found.items() if n in AXES], axis=0)
         found = {n: x[there] for n, x in found.items()}
@@ -344,17 +356,50 @@ def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray],
     return arrays | found, columns
 
 
-def _numbers(columns: Columns, lines: list[str], first: int, said: list[str]) -> np.ndarray:
-    """Return the numbers of some lines; raise InputError for one that has too few or others."""
-    if _is_cut(columns, lines):
-        lines = lines[:-1]
-        said.append('the file was cut short; its last line was left out')
+class _Bad:
+    """The lines of a table that are not numbers, or not as many as there are columns."""
+
+    def __init__(self, columns: Columns):
+        self.columns = columns
+        self.at: list[int] = []
+        self.first = self.last = ''
+        self.end = 0            # the last line that is not empty
+
+    def add(self, at: int, line: str) -> None:
+        """Take note of a line and its number."""
+        self.first = self.first if self.at else line.strip()[:40]
+        self.at.append(at)
+
+    def say(self, good: int) -> None:
+        """Say what was left out, beside so many good lines; raise InputError where it is much."""
+        columns, at, lines = self.columns, self.at, good + len(self.at)
+        what = f'{len(columns.names)} numbers'
+        cut = bool(at) and at[-1] == self.end       # power was lost while it was written
+        if not good or len(at) - cut > MOST_BAD * lines:
+            others = f' (and {len(at) - 1} of the {lines - 1} others)' if len(at) > 1 else ''
+            raise InputError(f'{columns.path}: line {at[0]} is not {what}: {self.first!r}{others}',
+                             CSV_COLUMNS)
+        if cut:
+            columns.said.append('the file was cut short; its last line was left out')
+            at = at[:-1]
+        if at:
+            are = f'line {at[0]} is not {what} and was' if len(at) == 1 else (
+                f'{len(at)} of {lines} lines are not {what} and were')
+            where = '' if len(at) == 1 else f'; the first is line {at[0]}'
+            columns.said.append(f'{are} left out{where}: {self.first!r}')
+
+
+def _numbers(columns: Columns, lines: list[str], first: int, bad: _Bad) -> np.ndarray:
+    """Return the numbers of some lines, from a number on; those that are none go to ``bad``."""
     use, width = list(columns.place.values()), len(columns.names)
+    cut = _is_cut(columns, lines)
+    dates: dict[Any, Any] = {k: seconds for k in columns.dates & set(use)}
     try:
         point = lines if columns.delimiter == ',' else [x.replace(',', '.') for x in lines]
         found = np.loadtxt(point, delimiter=columns.delimiter, ndmin=2, comments=None,
-                           quotechar='"', usecols=use if columns.text else None)
-        if columns.text or found.shape[1] == width:
+                           quotechar='"', usecols=use if columns.text else None,
+                           converters=dates or None, encoding=None)
+        if not cut and (columns.text or found.shape[1] == width):
             return found if columns.text else found[:, use]
     except ValueError:
         pass
@@ -362,15 +407,16 @@ def _numbers(columns: Columns, lines: list[str], first: int, said: list[str]) ->
     for k, line in enumerate(lines):
         if not line.strip():
             continue
+        bad.end = first + k
         cells = columns.cells(line)
         try:
-            row = [float(cells[k]) if cells[k].strip() else float('nan') for k in use]
+            row = [columns.number(cells[k], k) for k in use]
         except (ValueError, IndexError):
             row = []
-        if not row or len(cells) != width:
-            raise InputError(f'{columns.path}: line {first + k} is not {width} numbers: '
-                             f'{line.strip()[:40]!r}', CSV_COLUMNS)
-        table.append(row)
+        if not row or len(cells) != width or cut and line is lines[-1]:
+            bad.add(first + k, line)
+        else:
+            table.append(row)
     return np.array(table, float).reshape(-1, len(use))
 
 
