@@ -67,7 +67,8 @@ def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table, cases):
     cases = [[('analyser', {'effects': ['white', 'nothing_such']}, 'nothing_such'),
               ('analyser', {'output_dir': '/proc/x'}, 'set the parameter output_dir'),
               ('filter', {'motion': ['white']}, 'motion'),
-              ('calibration', {'sensor': 'gyro'}, 'rate_deg_s')],
+              ('calibration', {'sensor': 'gyro'}, 'rate_deg_s'),
+              ('calibration', {'file': '/proc/x.yaml'}, 'set the parameter file')],
              [('analyser', {'input': 'both'}, 'one of messages, buffer'),
               ('filter', {'alpha': 3.0}, 'alpha'),
               ('calibration', {'still_seconds': 'long'}, 'still_seconds')]][cases]

@@ -23,9 +23,13 @@ from .run import run, threads_executor
 from .saving import free
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import HOLD_S
+from ..core.errors import InputError
+from ..core.files import refuse_unwritable
 from ..core.units import DEG, G0, read_in
 from ..loop.study import Study
 from ..tasks.calibration import as_dict, assumed, doubts, FILE, Session
+
+_REMEDY = 'set the parameter file to a place that can be written'
 
 
 class Calibration(Node):
@@ -68,14 +72,29 @@ class Calibration(Node):
             self.create_timer(1.0, tell, callback_group=group, clock=STEADY)
         p.changed = self._changed
         self._changed({})
-        if p['file'] and Path(p['file']).exists():
-            self._session.load(p['file'])
-            self.get_logger().info(f'{p["file"]} is applied until something is solved')
-            for said in read_in(self._session.input_unit, 'as the calibration\'s recording was'):
-                self.get_logger().info(said)
-            for said in (*doubts(p['file']), *assumed(*self._session.corrections)):
-                self.get_logger().warning(f'{p["file"]}: {said}')
+        self._begin_with(p['file'])
         self._tell()
+
+    def _begin_with(self, file: str) -> None:
+        """Load what is there; refuse a file that is neither there nor can be made."""
+        log, there = self.get_logger(), bool(file) and Path(file).exists()
+        try:
+            refuse_unwritable(_path(file), _REMEDY)
+        except InputError as error:
+            if file and not there:
+                raise
+            log.warning(f'~/save will fail: {error}')
+        if not there:
+            if file:
+                log.info(f'{file} is not there: nothing is corrected until poses are solved; '
+                         '~/save writes it')
+            return
+        self._session.load(file)
+        log.info(f'{file} is applied until something is solved')
+        for said in read_in(self._session.input_unit, 'as the calibration\'s recording was'):
+            log.info(said)
+        for said in (*doubts(file), *assumed(*self._session.corrections)):
+            log.warning(f'{file}: {said}')
 
     def _changed(self, _) -> None:
         p, method = self._settings, self._settings['method']
@@ -122,9 +141,16 @@ class Calibration(Node):
 
     def save(self) -> dict:
         """Write calibration.yaml."""
-        path = self._session.save(self._settings['file'] or FILE)
+        path = self._save(_path(self._settings['file']))
         self._saved = True
         return {'file': str(path.resolve())}
+
+    def _save(self, path: Path) -> Path:
+        self._session.study         # one that is not solved has another remedy
+        try:
+            return self._session.save(path)
+        except InputError as error:
+            raise InputError(error.message, _REMEDY) from error
 
     def reset(self) -> dict:
         """Forget poses, solution and what was loaded."""
@@ -137,7 +163,7 @@ class Calibration(Node):
     def finish(self) -> None:
         """Save a solution that was not, beside what is there."""
         if not self._saved:
-            path = self._session.save(free(Path(self._settings['file'] or FILE)))
+            path = self._save(free(_path(self._settings['file'])))
             self.get_logger().info(f'saved {path}')
 
     def _adopt(self, study: Study) -> None:
@@ -173,6 +199,12 @@ class Calibration(Node):
                 correction.sensor, '; '.join(('solved' if solution else 'loaded', *doubts)),
                 {**matrix, **bias}, messages.WARN if doubts else messages.OK))
         return statuses
+
+
+def _path(file: str) -> Path:
+    """Return where a calibration is written: into a folder by its usual name."""
+    path = Path(file or FILE)
+    return path / FILE if path.is_dir() else path
 
 
 def main(args: list[str] | None = None) -> int:
