@@ -318,6 +318,26 @@ def test_live_curves_come_while_data_do_and_buffers_have_an_end(ros):
     assert 'best-effort' in analyser.text
 
 
+@pytest.mark.thorough
+def test_stamps_that_stand_are_said_and_arrivals_used(ros):
+    ns = ros.namespace()
+    analyser = ros.start('analyser', ns)
+    ros.ready(analyser)
+    publisher = ros.publisher(f'{ns}/imu/data_raw', Imu)
+    rng, message, begin = np.random.default_rng(1), Imu(), time.monotonic()
+    for k in range(1200):
+        message.angular_velocity.x, message.angular_velocity.y, \
+            message.angular_velocity.z = 1e-3 * rng.standard_normal(3)
+        publisher.publish(message)
+        time.sleep(max(0.0, begin + 0.005 * k - time.monotonic()))
+    status(ros, ns, lambda s: int(s['samples']) == 1200)
+    success, answer = ros.trigger(f'{analyser.full}/analyse')
+    assert success, answer
+    assert answer['source']['rate_hz'] == pytest.approx(200, rel=0.02)
+    assert any('receive times are used' in w for w in answer['source']['warnings'])
+    assert analyser.text.count('receive times are used') == 1
+
+
 def test_what_was_gathered_is_saved_on_a_signal(ros):
     ns = ros.namespace()
     analyser = ros.start('analyser', ns, input='buffer', output_dir='here.study')

@@ -14,7 +14,7 @@ from imu_noise_tools.core.record import AXES
 from imu_noise_tools.nodes.live import LiveCurve, Stream
 from imu_noise_tools.nodes.saving import check, Folder
 from imu_noise_tools.nodes.streams import Streams
-from imu_noise_tools.nodes.times import Times
+from imu_noise_tools.nodes.times import ARRIVALS, Times
 
 
 def signal(n, columns=3, seed=1):
@@ -175,6 +175,26 @@ def test_stamps_that_stand_are_said_once_and_how_it_is_now():
     stream = Stream(1.0)
     y = rng.standard_normal((640, 3))
     assert not stream.add(np.repeat(moving[:10], 64), y, y) and not stream.standing
+
+
+def test_a_stream_of_stamps_that_stand_is_one_of_its_arrivals():
+    """They come late and several at once; where only some stamps stand, they are what there is."""
+    rng, n = np.random.default_rng(5), 4000
+    late = np.cumsum(rng.standard_exponential(n)) % 1       # of 5 ms
+    arrivals = np.maximum.accumulate((5e6 * (np.arange(n) + late)).astype(np.int64))
+    y = rng.standard_normal((n, 3))
+    stream, said = Stream(1.0), []
+    for part in np.split(np.arange(n), range(50, n, 50)):
+        came = np.full(len(part), arrivals[part[-1]]) if part[0] == 500 else arrivals[part]
+        said.append(stream.add(np.zeros(len(part), np.int64), y[part], y[part], None, came))
+    assert [x for x in said if x] == [ARRIVALS] and stream.standing == ARRIVALS
+    assert stream.rate_hz == pytest.approx(200, rel=1e-3) and not stream.missed
+    record = stream.record('imu/data_raw')
+    assert record.rate_hz == pytest.approx(200, rel=1e-3) and record.n == n
+    assert record.warnings == (f'{ARRIVALS}: they jitter',)
+    stream = Stream(1.0)
+    stream.add(np.arange(n) * 10_000_000, y, y, None, arrivals)
+    assert stream.rate_hz == pytest.approx(100) and not stream.record('imu').warnings
 
 
 def test_times_are_the_stamps_or_the_arrivals_where_they_stand():

@@ -24,7 +24,7 @@ from .judging import begin_study, GYRO, running
 from .loop import Loop, serve
 from .params import Setting, Settings
 from .run import run
-from .times import REMEDY, STANDING, Times
+from .times import ARRIVALS, Times
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..core.errors import InputError
 from ..core.units import GYRO_UNITS, read_in
@@ -36,7 +36,6 @@ from ..tasks.filter import BIAS, CORRELATED, from_study
 
 _SHOWN = 4096           # latest innovations of which the figures are published
 _JUDGED = 16384         # latest samples that a diagnosis looks at
-_ARRIVALS = f'{STANDING}; the receive times are used; {REMEDY}'
 
 
 class Filter(Node):
@@ -127,7 +126,7 @@ class Filter(Node):
         before = self._times.standing
         at = self._times.of(stamp, time.monotonic_ns(), rate)
         if self._times.standing and not before:
-            self.get_logger().warning(f'{self._topic}: {_ARRIVALS}', once=True)
+            self.get_logger().warning(f'{self._topic}: {ARRIVALS}', once=True)
             if self._engine.rate_hz is None:
                 self._engine.reset()        # no rate is read from stamps that are none
         return at * 1e-9
@@ -220,7 +219,7 @@ class Filter(Node):
         elif silence := self._input.silence():
             said = silence.message
         if self._times.standing:
-            said, level = f'{said}; {_ARRIVALS}', messages.WARN
+            said, level = f'{said}; {ARRIVALS}', messages.WARN
         statuses = [messages.status('stream', said, about, level)]
         for k, axis in enumerate(GYRO):
             found = Innovations.of(scores[:, k])

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from functools import partial
 import threading
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import Float64MultiArray
 
@@ -42,7 +44,8 @@ class Intake:
 
     def __init__(self, node, stream: Streams, kind: str, accel_topic: str = ''):
         self._stream, self._say = stream, node.get_logger().warning
-        self._waiting: dict[str, list[bytes]] = {}      # by sensor; '': both
+        #: by sensor ('': both) messages, and when each came, ns
+        self._waiting: dict[str, tuple[list[bytes], list[int]]] = {}
         self._lock = threading.Lock()
         self._quiet, self._seen = 0, 0
         self.end: int | None = None
@@ -85,7 +88,9 @@ class Intake:
         with self._lock:
             waiting, self._waiting = self._waiting, {}
             for sensor in sorted(waiting, key=('', *SENSORS).index):
-                self._add(messages.samples(waiting[sensor]), sensor)
+                batch, arrivals = waiting[sensor]
+                samples = messages.samples(batch)
+                self._add(samples, sensor, arrivals=np.array(arrivals)[samples.readable])
 
     def clear(self) -> None:
         """Forget what was received."""
@@ -95,8 +100,9 @@ class Intake:
 
     def _take(self, sensor: str, batch: list[bytes]) -> None:
         with self._lock:
-            waiting = self._waiting.setdefault(sensor, [])
+            waiting, arrivals = self._waiting.setdefault(sensor, ([], []))
             waiting += batch
+            arrivals += [time.monotonic_ns()] * len(batch)
             enough = len(waiting) >= _AT_ONCE
         if enough:
             self.read()
@@ -111,10 +117,12 @@ class Intake:
         with self._lock:
             self._add(samples, sensor, first)
 
-    def _add(self, samples, sensor: str, first: int | None = None) -> None:
+    def _add(self, samples, sensor: str, first: int | None = None,
+             arrivals: np.ndarray | None = None) -> None:
         self._stream.refused += samples.refused
         self._stream.frame_id = samples.frame_id or self._stream.frame_id
-        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first, sensor)
+        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first, sensor,
+                                arrivals)
         if said:
             self._say(f'{self.topic}: {said}')
 

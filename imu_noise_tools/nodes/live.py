@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .times import REMEDY, STANDING
+from .times import ARRIVALS, REMEDY, STANDING
 from ..core.allan import degrees_of_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
@@ -142,9 +142,12 @@ class Stream:
         self._said = False
 
     @property
-    def standing(self) -> bool:
-        """Whether the stamps do not advance: the last hundred are one."""
-        return self._same >= _STANDING
+    def standing(self) -> str:
+        """What to say where the stamps do not advance (the last hundred are one), else nothing."""
+        if self._same < _STANDING:
+            return ''
+        by_arrival = self._held(20)[1]
+        return ARRIVALS if by_arrival else f'{STANDING}; {REMEDY}'
 
     @property
     def whole(self) -> bool:
@@ -157,7 +160,7 @@ class Stream:
         return bool(self.received) and not self.missed and self.whole
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
-            first: int | None = None) -> str:
+            first: int | None = None, arrivals: np.ndarray | None = None) -> str:
         """
         Take samples in the order of their arrival; return what is worth saying about them.
 
@@ -171,25 +174,29 @@ class Stream:
             rad/s, m/s^2.
         first : int or None
             Index of the first sample in its record, where that is known.
+        arrivals : ndarray (n,) or None
+            When they came, ns of any clock: the times where all stamps are one.
 
         """
         if not len(stamps):
             return ''
         said = ''
+        arrivals = stamps[:0] if arrivals is None else arrivals
         with self._lock:
             again = self._again(stamps, first)
             if again is not None:
                 self._clear()
                 stamps, gyro, accel = stamps[again:], gyro[again:], accel[again:]
+                arrivals = arrivals[again:]
                 said = 'the record begins again; what was gathered before is dropped'
             lost = self._lost(stamps, first)
             if lost:
                 self.missed += lost
                 said = f'{lost} samples are missing before sample {self.received + self.missed}'
-            self._append(stamps, np.column_stack([gyro, accel]))
+            self._append(stamps, np.column_stack([gyro, accel]), arrivals)
             if self.standing and not self._said:
                 self._said = True
-                said = f'{STANDING}; {REMEDY}'
+                said = self.standing
         return said
 
     def _again(self, stamps, first) -> int | None:
@@ -208,7 +215,7 @@ class Stream:
         gaps = np.diff(stamps, prepend=self._last) if step else np.empty(0)
         return int(np.sum(np.round(gaps[gaps > 1.5 * step] / step) - 1)) if step else 0
 
-    def _append(self, stamps, rows) -> None:
+    def _append(self, stamps, rows, arrivals) -> None:
         if not self.received:
             self._first = stamps[0]
         moved = np.flatnonzero(np.diff(stamps, prepend=self._last))
@@ -217,7 +224,7 @@ class Stream:
         bad = ~np.isfinite(rows).reshape(-1, 2, 3).all(2)
         self._gives |= ~bad.all(0)
         self.not_finite += int(bad[:, self._gives].any(1).sum())
-        self._parts.append((stamps, rows))
+        self._parts.append((stamps, rows, arrivals))
         self.held += len(stamps)
         self.received += len(stamps)
         self._curve.add(rows)
@@ -228,21 +235,29 @@ class Stream:
 
     @property
     def rate_hz(self) -> float | None:
-        """Median rate by the first stamps held; None where they do not advance."""
-        if not self._parts:
-            return None
-        gaps = np.diff(np.concatenate([p[0] for p in list(self._parts)[:20]])[:2000])
-        step = np.median(gaps[gaps > 0]) if (gaps > 0).any() else 0
+        """Rate by the first times held, median or, of arrivals, mean; None where they stand."""
+        times, by_arrival = self._held(20)
+        gaps = np.diff(times[:2000])
+        step = np.mean(gaps) if by_arrival else np.median(gaps[gaps > 0]) if (
+            gaps > 0).any() else 0
         return 1e9 / step if step > 0 else None
 
+    def _held(self, most: int | None = None) -> tuple[np.ndarray, bool]:
+        """Return the times (n,) ns, of so many parts, and whether they are those of arrival."""
+        parts = list(self._parts)[:most]
+        stamps, arrivals = (np.concatenate([p[k] for p in parts] or [np.empty(0, np.int64)])
+                            for k in (0, 2))
+        by_arrival = len(arrivals) == len(stamps) > 1 and bool(np.all(stamps == stamps[0])) \
+            and arrivals[-1] > arrivals[0]
+        return (stamps[0] + arrivals - arrivals[0] if by_arrival else stamps), by_arrival
+
     def samples(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what is held: stamps (n,) ns, gyro (n, 3), accel (n, 3)."""
+        """Return what is held: times (n,) ns, gyro (n, 3), accel (n, 3)."""
         with self._lock:
-            parts = list(self._parts)
-        if not parts:
-            return np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3))
-        rows = np.concatenate([p[1] for p in parts])
-        return np.concatenate([p[0] for p in parts]), rows[:, :3], rows[:, 3:]
+            if not self._parts:
+                return np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3))
+            rows = np.concatenate([p[1] for p in self._parts])
+            return self._held()[0], rows[:, :3], rows[:, 3:]
 
     def curve(self) -> Curve:
         """Return the curve of everything received; see :meth:`LiveCurve.curve`."""
@@ -256,7 +271,7 @@ class Stream:
         Raises
         ------
         InputError
-            Nothing was received, or its stamps do not advance.
+            Nothing was received, or neither its stamps nor arrivals advance.
 
         """
         stamps, gyro, accel = self.samples()
@@ -265,10 +280,11 @@ class Stream:
         t = (stamps - stamps[0]) * 1e-9
         rate_hz = regular_rate(t)
         if rate_hz is None:
-            raise InputError(f'{topic}: {STANDING}', 'stamp the messages')
+            raise InputError(f'{topic}: {STANDING}', REMEDY)
         there = [bool(np.any((x != 0) & ~np.isnan(x))) for x in (gyro, accel)]
         if not any(there):
             raise InputError(f'{topic} holds neither rates nor accelerations', 'check the driver')
         return ImuRecord(gyro if there[0] else None, accel if there[1] else None, t, rate_hz,
                          start=float(stamps[0]) * 1e-9, topic=topic, frame_id=frame_id,
-                         path=path or topic)
+                         path=path or topic,
+                         warnings=(f'{ARRIVALS}: they jitter',) if self._held(20)[1] else ())

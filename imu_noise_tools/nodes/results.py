@@ -15,7 +15,6 @@ from std_msgs.msg import Float64MultiArray
 from . import messages
 from .intake import Intake
 from .streams import Streams
-from .times import REMEDY, STANDING
 from .topics import result
 from .. import store
 from ..core.record import AXES
@@ -53,7 +52,7 @@ class Results:
         flaws = ''.join(f', {n} {what}' for n, what in (
             (s.missed, 'missed'), (late, 'did not arrive'), (s.refused, 'could not be read'),
             (s.not_finite, 'not finite'), (s.received - s.held, 'no longer held')) if n > 0)
-        return flaws + (f'; {STANDING}; {REMEDY}' if s.standing else '')
+        return flaws + (f'; {s.standing}' if s.standing else '')
 
     def tell(self, state: str) -> None:
         """Publish how many samples came."""

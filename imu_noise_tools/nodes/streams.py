@@ -45,7 +45,8 @@ class Streams:
         self._of = {'': Stream(self._hours)}
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
-            first: int | None = None, sensor: str = '') -> str:
+            first: int | None = None, sensor: str = '',
+            arrivals: np.ndarray | None = None) -> str:
         """
         Take samples of both sensors or of the one that is named; return what is worth saying.
 
@@ -62,7 +63,7 @@ class Streams:
         if sensor:
             nothing = np.full((len(stamps), 3), np.nan)
             gyro, accel = (gyro, nothing) if sensor == 'gyro' else (nothing, accel)
-        return self._of[sensor].add(stamps, gyro, accel, first) or said
+        return self._of[sensor].add(stamps, gyro, accel, first, arrivals) or said
 
     @property
     def _filled(self) -> list[Stream]:
@@ -86,9 +87,9 @@ class Streams:
         return sum(s.not_finite for s in self._of.values())
 
     @property
-    def standing(self) -> bool:
-        """Whether the stamps of one do not advance."""
-        return any(s.standing for s in self._of.values())
+    def standing(self) -> str:
+        """What to say where the stamps of one do not advance, else nothing."""
+        return next((s.standing for s in self._of.values() if s.standing), '')
 
     @property
     def held(self) -> int:
@@ -131,7 +132,7 @@ class Streams:
         Raises
         ------
         InputError
-            Nothing was received, or its stamps do not advance.
+            Nothing was received, or neither its stamps nor arrivals advance.
 
         """
         streams = self._filled

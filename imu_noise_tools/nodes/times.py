@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 STANDING, REMEDY = 'the stamps do not advance', 'stamp the messages in the driver'
+ARRIVALS = f'{STANDING}; the receive times are used; {REMEDY}'
 _MESSAGES, _NS = 16, 100_000_000    # fewer, or sooner, is a burst of a driver that reads a buffer
 
 
