@@ -212,6 +212,8 @@ def test_the_loop_over_services(ros, small_bag):
     success, answer = call('diagnose')
     found = answer['diagnosis']['gyro_x']
     assert success and (found['verdict'], found['ranked'][0]['effect']) == ('missing', 'sinusoid')
+    assert 'parameters' in found['found'][0] and 'parameters' not in found['ranked'][0]
+    assert '~/save' in answer['more']
     told = values(ros.latest(f'{base}/diagnosis', DiagnosticArray,
                              lambda m: values(m, 'gyro_x')), 'gyro_x')
     assert told['verdict'] == 'missing' and told['best'] == 'sinusoid'

@@ -16,6 +16,7 @@ import yaml
 
 from imu_noise_tools.bag import write_bag
 from imu_noise_tools.nodes import answers
+from imu_noise_tools.nodes.times import ARRIVALS
 from nodes_support import (DiagnosticArray, Imu, messages, ROOT, Temperature, Trigger, values,
                            wait_for)
 
@@ -171,7 +172,7 @@ def test_stamps_that_stand_are_a_warning_of_the_analyser(ros):
         message.linear_acceleration.z = 9.81
         publisher.publish(message)
     with ros.listening('/diagnostics', DiagnosticArray) as got:
-        text = '300 samples; the stamps do not advance; stamp the messages in the driver'
+        text = f'300 samples; {ARRIVALS}'
         assert wait_for(lambda: text in getattr(of(got, analyser).get('input'), 'message', ''))
         assert level(got, analyser, 'input') != messages.OK
     assert analyser.text.count('the stamps do not advance') == 1
@@ -208,6 +209,20 @@ def test_an_answer_begins_with_what_people_want(result, said):
     text = answers.text(result)
     assert '\n' not in text and yaml.safe_load(text) == (
         {'summary': said, **result} if said else result)
+
+
+def test_a_diagnosis_is_answered_by_what_counts():
+    """What is found, with its values, and rivals; nothing of a model that is complete."""
+    def entry(name, probability):
+        return {'effect': name, 'probability': probability, 'parameters': {
+            'R': {'value': 1.0, 'std': 0.1, 'shown': '1 rad/s^2'}, 'form': {'value': 'x'}}}
+    whole = {'verdict': 'missing', 'found': [entry('ramp', 0.9)], 'advice': ['a'],
+             'ranked': [entry('ramp', 0.9), entry('drift', 0.09), entry('step', 0.001)]}
+    got = answers.brief(whole)
+    assert got['found'] == whole['found'] and got['advice'] == ['a']
+    assert got['ranked'] == [{'effect': 'ramp', 'probability': 0.9}, {
+        'effect': 'drift', 'probability': 0.09, 'parameters': {'R': '1 rad/s^2', 'form': 'x'}}]
+    assert answers.brief({**whole, 'verdict': 'complete', 'found': []})['ranked'] == []
 
 
 def test_a_coefficient_without_value_or_limit_is_an_error():

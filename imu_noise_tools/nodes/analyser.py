@@ -64,7 +64,8 @@ class Analyser(Node):
         self._refit = self._redraw = self._at_end = False
         self.status: int | None = None          # once set, the node ends with it
         group = MutuallyExclusiveCallbackGroup()
-        Loop(self, self._the_study, self._show, group)
+        Loop(self, self._the_study, self._show, group, more='every candidate: ~/save, study.yaml '
+             'holds them, and imu_noise diagnose STUDY --json')
         for name in ('analyse', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
         self.create_timer(_TICK, self._work, callback_group=group, clock=STEADY)

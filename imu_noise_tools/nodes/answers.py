@@ -49,6 +49,24 @@ def summary(result: Mapping[str, Any]) -> str:
     return f'written to {where}' if where else ''
 
 
+def brief(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return a diagnosis with the candidates that count: what is found, and rivals.
+
+    Values stand with what is found, of rivals as they are shown: written out, the candidates of
+    six axes with which nothing is wrong are a thousand lines.
+
+    """
+    found = {f['effect'] for f in diagnosis['found']}
+    ranked = [] if diagnosis['verdict'] == 'complete' else [
+        {k: v for k, v in f.items() if k != 'parameters'} if f['effect'] in found else
+        {**f, 'parameters': {k: v.get('shown', v.get('value'))
+                             for k, v in f['parameters'].items()}}
+        for f in diagnosis['ranked']
+        if f['probability'] is None or f['probability'] > RIVAL or f['effect'] in found]
+    return {**diagnosis, 'ranked': ranked}
+
+
 def _solved(result: Mapping[str, Any]) -> str:
     """Return scale factors and biases of a calibration."""
     scale = ', '.join(f'{result["S"][k][k]:.5g}' for k in range(3))

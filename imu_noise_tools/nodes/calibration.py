@@ -17,7 +17,7 @@ from sensor_msgs.msg import Imu
 
 from . import messages
 from .diagnostics import Diagnostics
-from .loop import Loop, serve
+from .loop import Loop, MORE, serve
 from .params import Setting, Settings
 from .run import run, threads_executor
 from .saving import free
@@ -65,7 +65,8 @@ class Calibration(Node):
         self._diagnostics = Diagnostics(
             self, self._statuses, lambda: self._samples, lambda: self._frame)
         group = MutuallyExclusiveCallbackGroup()
-        Loop(self, lambda: self._session.study, self._adopt, group)
+        Loop(self, lambda: self._session.study, self._adopt, group,
+             more=MORE.format(command='calibrate'))
         for name in ('capture', 'solve', 'save', 'reset'):
             serve(self, name, getattr(self, name), group)
         for tell in (self._tell, self._diagnostics.tell):

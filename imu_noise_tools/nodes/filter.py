@@ -21,7 +21,7 @@ from .aside import Aside
 from .diagnostics import Diagnostics
 from .filter_settings import chosen, given_values, unit_of, value_settings
 from .judging import begin_study, GYRO, running
-from .loop import Loop, serve
+from .loop import Loop, MORE, serve
 from .params import Setting, Settings
 from .run import run
 from .times import ARRIVALS, Times
@@ -74,7 +74,7 @@ class Filter(Node):
         self._topic = self._input.topic
         self._aside = Aside(self)
         Loop(self._aside, self._the_study, self._adopt, fresh=self._begin,
-             compute=self._aside.compute)
+             compute=self._aside.compute, more=MORE.format(command='filter'))
         serve(self._aside, 'reset', self.reset)
         self._diagnostics = Diagnostics(
             self, self._statuses, self._received, lambda: self._frame)

@@ -12,10 +12,13 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from . import messages
+from .answers import brief
 from .run import ending, under_way
 from ..core.errors import ImuNoiseError
 from ..loop.study import Study
 from ..store import diagnosis_to_dict, step_to_dict
+
+MORE = 'every candidate: record a bag; imu_noise {command} BAG, imu_noise diagnose STUDY --json'
 
 
 def guarded(node: Any, work: Callable[[], dict | None]) -> tuple[dict, bool]:
@@ -61,13 +64,17 @@ class Loop:
         Returns the study that is diagnosed, where that is not the one at hand.
     compute : callable or None
         Called as compute(function, ...) where the work is to be done elsewhere.
+    more : str
+        Where the candidates are that a diagnosis answers without.
     group : rclpy.callback_groups.CallbackGroup
         Of the services, so that data go on arriving while they work.
 
     """
 
     def __init__(self, node, study: Callable[[], Study], changed: Callable[[Study], None],
-                 group=None, fresh: Callable[[], Study] | None = None, compute=None):
+                 group=None, fresh: Callable[[], Study] | None = None, compute=None,
+                 more: str = ''):
+        self._more = more
         self._study, self._changed, self._fresh = study, changed, fresh or study
         self._compute = compute or (lambda function, *args: function(*args))
         for name in ('compare', 'diagnose', 'add_best', 'remove_last', 'history'):
@@ -82,11 +89,12 @@ class Loop:
             for t, s in study.compare().items()}}
 
     def diagnose(self) -> dict:
-        """Find out what is missing."""
+        """Find out what is missing; return what is found of each target, and rivals."""
         study = self._fresh()
         found = self._done(study, 'diagnose')
         self._changed(study)
-        return {'diagnosis': {t: diagnosis_to_dict(t, d) for t, d in found.items()}}
+        return {'diagnosis': {t: brief(diagnosis_to_dict(t, d)) for t, d in found.items()},
+                'more': self._more}
 
     def add_best(self) -> dict:
         """Put what the diagnosis names into the model; nothing missing is a success, too."""
