@@ -26,6 +26,7 @@ from imu_noise_tools.health import (
     examine, motion_doubts, prepare, resolution, Selection, still_stretches, unit_doubts)
 from imu_noise_tools.health.examine import _warms_up
 from imu_noise_tools.health.stamps import ordered
+from imu_noise_tools.health.values import too_fast, wrong_units
 from imu_noise_tools.plots.noise import left_out
 from imu_noise_tools.tasks.filter import filter_samples
 
@@ -696,3 +697,32 @@ def test_a_record_that_is_too_short_to_tell_says_so():
     for seconds, some in ((15, True), (59, True), (60, False), (90, False)):
         ready = prepare(quiet(np.random.default_rng(3), seconds, 100.0))
         assert any('no more than the white noise N' in w for w in ready.warnings) == some
+
+
+def test_raw_counts_are_told_as_such():
+    """Whole numbers are in no unit that could be given; a rate in deg/s is."""
+    rng = np.random.default_rng(1)
+    gyro, accel = 40 * rng.standard_normal((6000, 3)), 20 * rng.standard_normal((6000, 3))
+    accel[:, 2] += 16384
+    t = np.arange(6000) / 200
+    both = wrong_units(ImuRecord(np.round(gyro), np.round(accel), t, 200.0))
+    assert len(both) == 2 and all(
+        'look like raw counts: multiply' in s and '--' not in s for s in both)
+    (said,) = wrong_units(ImuRecord(gyro, None, t, 200.0))
+    assert said.endswith('--gyro-unit deg/s')
+    (said,) = too_fast(ImuRecord(np.round(4 * gyro), None, t, 200.0))
+    assert 'raw counts' in said
+    (said,) = wrong_units(ImuRecord(None, np.round(accel / 256), t, 200.0))      # 64 for 1 g
+    assert 'raw counts' in said
+
+
+def test_absurd_values_are_missing_to_all_that_looks_at_samples():
+    """No warning of numpy's, and nothing said of the sensor but that they are there."""
+    record = bad_input.still(20)
+    record.gyro[::50, 0] = 1e300
+    with np.errstate(all='raise'):
+        found = examine(record)
+        said = ' '.join(found.advice)
+    assert found.not_finite_axes == {'gyro_x': (len(record.gyro[::50]), 0.0)}
+    assert not found.saturated and found.resolution['gyro_x'].step is None
+    assert 'interpolated' not in said

@@ -16,6 +16,7 @@ from .errors import unknown, UsageError
 AXES = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
 SENSORS = ('gyro', 'accel')
 MASKED = 'masked'  # why a stretch that a person named is left out
+HUGE = 1e30         # no sensor's value in any unit, and its square overflows in sums
 
 
 def sensor_of(axis: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.clipped import ends_in_words
 from ..core.clock import STAMPED_HZ
-from ..core.record import AXES, ImuRecord, sensor_of
+from ..core.record import AXES, HUGE, ImuRecord, sensor_of
 from ..core.stillness import finite_mean
 from ..core.units import ACCEL_UNITS
 
@@ -21,7 +21,8 @@ FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
 PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit than s
 SUSPECTED = 'wrong unit suspected'
-HUGE = 1e30             # no sensor's value in any unit, and its square overflows in sums
+COUNTS = ('; these look like raw counts: multiply them by the scale in the sensor\'s data sheet '
+          '(m/s^2 or rad/s for a count)')
 
 
 def finite(record: ImuRecord) -> np.ndarray:
@@ -71,7 +72,7 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
             said.append(
                 f'{SUSPECTED}: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
                 + (_converted_twice(g, record.input_unit.get('accel'))
-                   or _likely_accel(g, record.rate_hz))
+                   or _likely_accel(g, record))
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
@@ -82,8 +83,7 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
         if rate > 0.52 and not turns or scatter > 0.2 or density > LOUD:
             said.append(
                 f'{SUSPECTED}: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
-                'at rest; '
-                'if it is in deg/s, use --gyro-unit deg/s'
+                f'at rest{_likely_gyro(record.gyro)}'
             )
     return said
 
@@ -101,14 +101,25 @@ def _converted_twice(g: float, unit: str | None) -> str:
     return ''
 
 
-def _likely_accel(g: float, rate_hz: float) -> str:
+def _likely_gyro(data: np.ndarray) -> str:
+    return COUNTS if _are_whole(data) else '; if it is in deg/s, use --gyro-unit deg/s'
+
+
+def _are_whole(data: np.ndarray) -> bool:
+    """Tell whether the values (n, 3) are whole numbers, as those of a converter are."""
+    some = data[:10_000]
+    some = some[np.abs(some) < HUGE]
+    return bool(len(some) and np.all(some == np.round(some)))
+
+
+def _likely_accel(g: float, record: ImuRecord) -> str:
     if 0.7 <= g <= 1.3:
         return '; if it is in g, use --accel-unit g'
     if 700 <= g <= 1300:
         return '; if it is in mg, use --accel-unit mg'
-    if g > 100:
-        return '; these may be raw counts, which need the scale of the sensor'
-    if 9 <= g * rate_hz <= 10.5:
+    if g > 100 or record.accel is not None and g > 12.5 and _are_whole(record.accel):
+        return COUNTS
+    if 9 <= g * record.rate_hz <= 10.5:
         return ('; times the rate it is: these look like increments (m/s, rad for each sample), '
                 'which analyse --delta takes')
     return '; gravity may have been removed' if g < 0.5 else ''
@@ -124,7 +135,7 @@ def _scatter(data: np.ndarray) -> np.ndarray:
     """Return the scatter of the samples, (3,), from neighbours."""
     step = np.diff(data[:100_000], axis=0)
     return np.array(
-        [x[good].std() if (good := np.isfinite(x)).any() else 0.0 for x in step.T]
+        [x[good].std() if (good := np.abs(x) < HUGE).any() else 0.0 for x in step.T]
     ) / np.sqrt(2)
 
 
@@ -144,8 +155,8 @@ def too_fast(record: ImuRecord) -> list[str]:
         return []
     most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
     return [f'{SUSPECTED}: the gyro reads up to {most:.3g} rad/s '
-            f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one; if it is in '
-            'deg/s, use --gyro-unit deg/s']
+            f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one'
+            + _likely_gyro(record.gyro)]
 
 
 def unit_of_stamps(
