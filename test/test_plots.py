@@ -607,3 +607,40 @@ def test_names_keep_off_other_lines():
     other = np.minimum(x + 0.02, 0.5)
     inside = (x > x0) & (x < x1)
     assert not np.any((other[inside] > y0) & (other[inside] < y1))
+
+
+def test_names_keep_off_names_and_hide_no_curve():
+    """In a corner where all lines meet, and on a line that lies on a curve."""
+    x = np.linspace(0, 1, 200)
+
+    def boxes(lines, avoid=()):
+        ax = style.new_figure(4, 3.5).add_subplot()
+        ax.set_xlim(0, 1)
+        ax.set_ylim(0, 1)
+        style.label_lines(ax, lines, avoid)
+        ax.figure.canvas.draw()
+        return [ax.transData.inverted().transform(t.get_window_extent()) for t in ax.texts]
+
+    def hides(box, y):
+        inside = (x > box[0, 0]) & (x < box[1, 0])
+        return np.any((y[inside] > box[0, 1]) & (y[inside] < box[1, 1]))
+    for high, low in ((0.94, 0.75), (0.98, 0.8), (1.02, 0.8), (1.02, 0.9)):
+        one, two = boxes([(x, high - x, 'white', 'b'), (x, x - low, '(random_walk)', 'r')],
+                         [(x, np.maximum(1 - x, 0.12)), (x, np.maximum(1 - x, 0.1))])
+        assert np.any(one[1] <= two[0]) or np.any(two[1] <= one[0]), (high, low)
+    (box,) = boxes([(x, 1 - x, 'white', 'b')], [(x, 1 - x), (x, 1.005 - x)])
+    assert not hides(box, 1 - x)
+
+
+def test_values_above_a_curve_keep_off_its_name(study):
+    """Where there is no room for all beside it they stand in rows."""
+    from matplotlib.text import Text
+    for target in study.targets:
+        for wide in (6, 3.2, 2.2):
+            figure = style.new_figure(wide, 3)
+            ax = panels.allan(figure.add_subplot(), study.states[target])
+            figure.canvas.draw()
+            name, said = (next(t for t in ax.get_children() if isinstance(t, Text)
+                               and t.get_text() == ax.get_title(loc=side)).get_window_extent()
+                          for side in ('left', 'right'))
+            assert name.x1 < said.x0, (target, wide)

@@ -26,6 +26,7 @@ from .style import (
     EFFECTS,
     FAIL,
     FAINT,
+    fits_beside_name,
     label_lines,
     log_scale,
     MEASURED,
@@ -118,8 +119,11 @@ def values(ax: Axes, state: State) -> None:
             if value is not None:
                 factor, unit = units.field(p.unit, evidence_of(state).sensor)
                 said.append(f'{p.name} {less}{value / factor:.3g} {readable(unit)}')
-    rows = [';  '.join(said[k:k + 3]) for k in range(0, len(said), 3)]
-    ax.set_title('\n'.join(rows), fontsize=SMALL, loc='right', color=MEASURED)
+    for most in (3, 2, 1):          # in a row: beside the name of the axes there may be no room
+        rows = [';  '.join(said[k:k + most]) for k in range(0, len(said), most)]
+        text = ax.set_title('\n'.join(rows), fontsize=SMALL, loc='right', color=MEASURED)
+        if fits_beside_name(ax, text):
+            break
 
 
 def _band(ax, x, lo, hi, middle):

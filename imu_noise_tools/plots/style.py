@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 MEASURED, MODEL, FAIL, GOOD, FAINT = '#1f2d3d', '#d55e00', '#c0392b', '#1a7f4b', '#7a8793'
 CHANCE = '#e4e9ec'
@@ -124,6 +125,16 @@ def dress(ax: Axes, title: str = '', x: str = '', y: str = '') -> Axes:
     return ax
 
 
+def fits_beside_name(ax: Axes, title: Text) -> bool:
+    """Tell whether a title at the right leaves the one at the left, of :func:`dress`, alone."""
+    from matplotlib.text import Text
+    renderer = cast('FigureCanvasAgg', ax.figure.canvas).get_renderer()
+    name = ax.get_title(loc='left')
+    left = [t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == name]
+    wide = sum(t.get_window_extent(renderer).width for t in [title, *left[:1]])
+    return not name or wide + SMALL * ax.figure.dpi / 72 <= ax.get_window_extent().width
+
+
 def log_scale(axis: Axis, low: float, high: float, most: int = 7) -> None:
     """
     Make one axis (``ax.xaxis`` or ``ax.yaxis``) logarithmic from low to high, a tick a decade.
@@ -199,32 +210,44 @@ def label_lines(ax: Axes, lines: Sequence[tuple[np.ndarray, np.ndarray, str, str
         return at[np.all(np.isfinite(at), axis=1)]
 
     paths = [on_page(x, y) for x, y, *_ in lines]
-    others = [on_page(x, y) for x, y in avoid]
+    seen = [p[np.all((p > 0) & (p < size), axis=1)] for p in paths]
     taken = np.concatenate([*(on_page([x], [y]) for x, y in written), np.zeros((0, 2))])
-    others.append(taken)
-    for i, (_, _, name, colour) in enumerate(lines):
+    others = [*(on_page(x, y) for x, y in avoid), taken]
+    wide = np.full(len(taken), 0.5 * line_height)       # half of each name's width
+    # first those that have the least choice
+    for i in sorted((k for k, p in enumerate(seen) if len(p)), key=lambda k: len(seen[k])):
+        _, _, name, colour = lines[i]
         half = np.array([0.3 * line_height * len(name), 0.8 * line_height])
-        p = paths[i]
-        inside = p[np.all((p > 0) & (p < size), axis=1)]
-        if not len(inside):
-            continue
-        # on the line or, where that is crowded, just below it
-        inside = np.clip(np.concatenate([inside, inside - (0, 1.2 * line_height)]),
-                         half, size - half)
-        liked = np.repeat([0.0, -0.4 * line_height], len(inside) // 2)
-        rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others,
-                               np.zeros((0, 2))])
-        room = np.minimum(_distance(inside, rest, half[0]), 2.5 * line_height)
-        # two names side by side need the width of one
-        flat = np.array([0.25, 1.0])
-        room = np.minimum(room, _distance(inside * flat, taken * flat))
-        liked -= line_height * np.abs(inside[:, 0] / size[0] - 0.5)
-        at = inside[int(np.argmax(room + liked))]
-        taken = np.vstack([taken, at])
+        rest = np.concatenate([*(q for k, q in enumerate(paths) if k != i), *others])
+        at = _place(seen[i], half, size, rest, taken, wide)
+        taken, wide = np.vstack([taken, at]), np.append(wide, half[0])
         x, y = at / size
         ax.text(x, y, name, transform=ax.transAxes, fontsize=SMALL, color=colour,
                 ha='center', va='center', zorder=6,
                 bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.85})
+
+
+def _place(path: np.ndarray, half: np.ndarray, size: np.ndarray, rest: np.ndarray,
+           taken: np.ndarray, wide: np.ndarray) -> np.ndarray:
+    """
+    Return where a name of half a size (2,) stands best, (2,) pixels.
+
+    On its ``path`` (n, 2), far from ``rest`` (k, 2), or below it where that is crowded; not on
+    names that are ``taken``, half as ``wide``, nor where it would hide a line.
+
+    """
+    line_height = half[1] / 0.8
+    below = line_height * np.array([0.0, 1.2, 2.2])
+    at = np.clip(np.concatenate([path - (0, b) for b in below]), half, size - half)
+    liked = np.repeat(-below / 3, len(path)) - line_height * np.abs(at[:, 0] / size[0] - 0.5)
+    room = np.minimum(_distance(at, rest, half[0]), 2.5 * line_height)
+    # two names side by side need the width of one
+    flat = np.array([0.25, 1.0])
+    room = np.minimum(room, _distance(at * flat, taken * flat))
+    hides = room < 0.5 * line_height
+    apart = np.column_stack([half[0] + wide, np.full(len(wide), 1.2 * line_height)])
+    upon = np.any(np.all(np.abs(at[:, None] - taken) < apart, axis=2), axis=1)
+    return at[int(np.argmax(room + liked - line_height * (2 * hides + 9 * upon)))]
 
 
 def _distance(a, b, half=0.0):
