@@ -880,6 +880,12 @@ def test_many_bad_lines_are_refused(tmp_path):
         open_record(path)
 
 
+def test_parts_of_a_second_are_named_as_the_seconds_are(tmp_path):
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    path.write_text(written(r, f'time,exposure_s,delay_us,{AXES6}', text='1,20', t=r.t))
+    assert open_record(path).rate_hz == pytest.approx(100)
+
+
 def test_stamps_in_an_unknown_unit_are_answered_with_the_likely_one(tmp_path):
     r, path = bad_input.still(5), tmp_path / 'x.csv'
     path.write_text(written(r, f'timestamp,{AXES6}', t=1e6 * r.t))

@@ -318,7 +318,15 @@ def _stamps(found: Columns, plain: Sequence[str]) -> None:
 
 
 def _are_parts(found: Columns, whole: int, fine: int) -> bool:
-    """Tell by the first line whether one column counts whole seconds, and another parts of one."""
+    """
+    Tell whether one column counts whole seconds, and another parts of one.
+
+    They are named alike, and the first line has such numbers.
+
+    """
+    if re.sub(_WHOLE, '', _plain(found.names[whole])) != re.sub(
+            _PART, '', _plain(found.names[fine])):
+        return False
     counts = [found.first[k] for k in (whole, fine) if k < len(found.first)]
     most = 1_000_000_000 / TIME_UNITS[_time_stated(found.names[fine])]
     return (len(counts) == 2 and all(re.fullmatch(r'\d+(?:\.0*)?', c) for c in counts)
