@@ -5,7 +5,7 @@
 Figures of the calibration: coverage, bias by tilt, hidden effects, real records.
 
     OMP_NUM_THREADS=1 python bench/calibration.py [--sessions 200] [--seed N]
-        [coverage|tilts|turns|hidden|session|flaws|six|real ...]
+        [coverage|tilts|few|turns|hidden|session|flaws|six|real ...]
 
 Sessions are made by test/calibration_sessions.py, which shares no code with the package.
 
@@ -21,6 +21,7 @@ import sys
 import time
 
 import numpy as np
+from scipy.linalg import rq
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,7 +33,7 @@ from imu_noise_tools import calibration as core  # noqa: E402,I201
 from imu_noise_tools.calibration import faces  # noqa: E402
 from imu_noise_tools.calibration.poses import DIRECTIONS  # noqa: E402
 from imu_noise_tools.calibration.problem import CalibrationProblem  # noqa: E402
-from imu_noise_tools.core.errors import InputError  # noqa: E402
+from imu_noise_tools.core.errors import FitError, InputError  # noqa: E402
 from imu_noise_tools.core.record import ImuRecord  # noqa: E402
 from imu_noise_tools.loop.diagnosis import diagnose  # noqa: E402
 from imu_noise_tools.loop.effect import find_effect  # noqa: E402
@@ -190,6 +191,53 @@ def tilts(n, seed=3):
             print(f'| {tilt} | {m}{" (0.5 %)" if cross < 0.01 else ""} | {share} | '
                   f'{1e6 * e[0]:.0f} | {e[1]:.4f} |', flush=True)
     print()
+
+
+def few(n, seed=8):
+    """Print what poses in random directions come to: axes off by 2 deg, scale 5 %, bias 0.5."""
+    print(f'### Poses in random directions, {n} sessions each, noise of a mean 0.0003 to 0.01 '
+          'm/s^2\n\n| poses | method | refused | scale inside | bias | angles | error rms: scale, '
+          '% | bias, m/s^2 | angle, deg |\n|---|---|---|---|---|---|---|---|---|')
+    for k in range(6, 15):
+        rng = np.random.default_rng([seed, k])
+        how, hits, error = Counter(), [], []
+        for _ in range(n):
+            device = sim.Device(np.diag(rng.uniform(0.95, 1.05, 3)) @ sim.tilted(
+                np.eye(3), 0.8 * DEG, rng), rng.uniform(-0.5, 0.5, 3),
+                noise=10 ** rng.uniform(-3.5, -2))
+            true = sim.G * random_directions(k, rng)
+            poses = core.Poses.of('accel', device.output(true, rng).T, device.noise, sim.G)
+            try:
+                c = core.calibrate(poses)
+            except (FitError, InputError) as failed:
+                how[type(failed).__name__] += 1
+                continue
+            how[c.problem.method] += 1
+            if c.problem.method != 'faces':         # its rows are turned into the sensor's axes
+                device.scale = rq(device.scale)[0] * np.sign(np.diag(rq(device.scale)[0]))
+            angle = np.triu_indices(3, 1)
+            off = np.array([np.diag(c.S - device.scale), c.bias - device.bias,
+                            (c.S - device.scale)[angle]])
+            hits.append(np.abs(off) < 1.96 * np.array([np.diag(c.std[0]), c.std[1],
+                                                       c.std[0][angle]]))
+            error.append(off)
+        inside_ = ' | '.join(f'{100 * x:.1f} %' for x in np.mean(hits, axis=(0, 2)))
+        e = np.sqrt(np.mean(np.square(error), axis=(0, 2)))
+        refused = how.pop('InputError', 0) + how.pop('FitError', 0)
+        print(f'| {k} | {dict(how)} | {refused} | {inside_} | {100 * e[0]:.3f} | {e[1]:.4f} | '
+              f'{e[2] / DEG:.3f} |', flush=True)
+    print()
+
+
+def random_directions(n, rng, apart_deg=15):
+    """Return n random unit vectors (n, 3) so far apart."""
+    out = []
+    while len(out) < n:
+        u = rng.normal(size=3)
+        u /= np.linalg.norm(u)
+        if all(u @ v < np.cos(apart_deg * DEG) for v in out):
+            out.append(u)
+    return np.array(out)
 
 
 def turned(rng, n=16, **more):
@@ -521,7 +569,7 @@ def main():
     args = parser.parse_args()
     begin = time.process_time()
     drawn = {} if args.seed is None else {'seed': args.seed}
-    for run in (coverage, tilts, turns, session, flaws, hidden, six):
+    for run in (coverage, tilts, few, turns, session, flaws, hidden, six):
         if run.__name__ in args.what:
             run(args.sessions, **drawn)
     if 'real' in args.what:

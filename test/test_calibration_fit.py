@@ -303,9 +303,38 @@ def test_what_eleven_spread_poses_support():
     rng = np.random.default_rng(19)
     device = sim.Device.drawn(rng)
     c = core.calibrate(spread(rng, device, 11))
-    assert c.problem.method == 'faces'
+    assert c.problem.method == 'few'
     np.testing.assert_allclose(np.diag(c.S), np.diag(device.scale), atol=1e-3)
     assert any(n.startswith('one more pose with') for n in c.notes)
+
+
+@pytest.mark.parametrize('n', daily([7, 8, 9, 11], 7, 9))
+def test_few_poses_in_any_directions(n):
+    """Axes up to 2 deg off square: solved, within the stated errors, what is unseen said."""
+    rng = np.random.default_rng(46)
+    pulls, said = [], []
+    for _ in range(12):
+        device = sim.Device.drawn(rng, cross=2 * DEG, upper=True)
+        true = sim.G * sim.tilted(sim.spread_directions(n, rng), 15 * DEG, rng)
+        c = core.calibrate(core.Poses.of('accel', device.output(true, rng).T, device.noise, sim.G))
+        std_s, std_b = c.std
+        pulls.append(np.r_[np.diag(c.S - device.scale) / np.diag(std_s),
+                           (c.bias - device.bias) / std_b])
+        said.append(any('not observable' in s and 'the angle between' in s for s in c.notes))
+        assert c.problem.method == 'few' and c.fit.details.dof == n - 6
+    assert np.abs(pulls).max() < 4 and 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.5
+    assert np.mean(said) > 0.9 if n < 9 else np.mean(said) < 0.3
+
+
+def test_too_few_poses_say_what_they_do_not_tell():
+    """Six poses of one side are refused in one line, with the pose that would help most."""
+    rng = np.random.default_rng(47)
+    device = sim.Device.drawn(rng, cross=2 * DEG, upper=True)
+    up = sim.tilted([[1, 1, 1]] * 6 / np.sqrt(3), 15 * DEG, rng)
+    poses = core.Poses.of('accel', device.output(sim.G * up, rng).T, device.noise, sim.G)
+    with pytest.raises(InputError, match='the 6 poses (do not )?tell .*scale factor') as refusal:
+        core.calibrate(poses, 'few')
+    assert refusal.value.remedy.startswith('one more pose with')
 
 
 def test_edges_stand_in_for_a_face():

@@ -23,6 +23,10 @@ DIVERGES = 'the fit diverges', 'add poses in other directions'
 _SMALL = 1e-8       # relative: a direction the poses do not determine
 # set to zero where only the magnitude of the input is known
 GAUGE = ('S_yx', 'S_zx', 'S_zy')
+#: methods that use the magnitude of the input alone
+MAGNITUDES = ('norm', 'few')
+#: rms of the angle between two axes before poses speak of it, rad: right to 2 deg, uniformly
+SKEW = np.radians(2.0) / np.sqrt(3)
 
 
 @dataclass(frozen=True)
@@ -285,7 +289,7 @@ def covariance(model: Model, poses: Poses, scale: np.ndarray, tilt: float,
     if method == 'faces':
         cov += faces.covariance(poses, scale, tilt)
         scatter = [e for e in scatter if not e.tilts]
-    elif method != 'norm' and tilt > 0 and not any(e.tilts for e in scatter):
+    elif method not in MAGNITUDES and tilt > 0 and not any(e.tilts for e in scatter):
         cov += Tilt().covariance(poses, scale, tilt)
     for e in scatter:
         cov += e.covariance(poses, scale, e.amplitude)
@@ -320,6 +324,12 @@ def whitened(whitener: np.ndarray, terms: np.ndarray) -> np.ndarray:
     return rows.reshape(-1, terms.shape[2])
 
 
+def _square_axes(keys: Sequence[tuple[str, str]], scale: np.ndarray) -> np.ndarray:
+    """Return rows of variance one and zero that hold axes square to within SKEW, (k, m)."""
+    across = [column for column, i, j in elements(keys) if i != j]
+    return np.eye(len(keys))[across] / (SKEW * np.abs(np.linalg.det(scale)) ** (1 / 3))
+
+
 def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method: str,
               before: bool = True) -> tuple[Equations, float]:
     """
@@ -328,7 +338,7 @@ def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method
     ``before`` puts what is known without any pose in front, where the method knows something.
 
     """
-    free = method == 'norm'
+    free = method in MAGNITUDES
     cov = covariance(model, poses, scale, tilt, method)
     whitener, log_det = whitener_of(poses, cov, scale, free)
     matrix = whitened(whitener, terms_of(model, poses, scale, free))
@@ -337,8 +347,9 @@ def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method
         outputs = outputs - faces.offset(poses, scale)
     right = np.einsum('nri,in->nr', whitener, outputs).ravel()
     pose = np.repeat(np.arange(poses.n), whitener.shape[1])
-    if method == 'faces' and before:
-        rows = faces.prior(elements(keys), scale, len(keys))
+    if method in ('faces', 'few') and before:
+        rows = faces.prior(elements(keys), scale, len(keys)) if method == 'faces' else (
+            _square_axes(keys, scale))
         matrix = np.vstack([rows, matrix])
         right, pose = np.r_[np.zeros(len(rows)), right], np.r_[np.full(len(rows), -1), pose]
     return Equations(matrix, right, pose, keys, whitener), log_det

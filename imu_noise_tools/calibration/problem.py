@@ -16,7 +16,7 @@ from scipy.special import chdtrc
 from . import flexible, places, solve
 from .advice import advise, HIDES, scatter_in_words
 from .effects import Drift, Regressor, Scatter
-from .linear import equations, LeftOut, tilt_of, whitened
+from .linear import equations, LeftOut, MAGNITUDES, tilt_of, whitened
 from .poses import Poses, unit
 from ..core.errors import FitError, UsageError
 from ..loop.effect import (
@@ -41,8 +41,8 @@ class CalibrationProblem(Problem):
     poses : Poses
         The poses.
     method : str
-        ``faces``, ``wls`` or ``norm``; ``ols`` fits plainly and is judged with the weights of
-        ``wls``.
+        ``faces``, ``wls``, ``norm`` or ``few``; ``ols`` fits plainly and is judged with the
+        weights of ``wls``.
     tilt : float
         Stated tilt of the faces, rad (rms of each of two angles).
 
@@ -75,7 +75,7 @@ class CalibrationProblem(Problem):
 
     @property
     def _free(self) -> bool:
-        return self.method in ('norm', 'faces')
+        return self.method in (*MAGNITUDES, 'faces')
 
     def _with(self, poses: Poses) -> CalibrationProblem:
         return CalibrationProblem(poses, self.method, self.tilt, self)

@@ -65,7 +65,7 @@ class Session:
     tilt : float
         Tilt of the faces, rad.
     method : str, optional
-        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols``, ``norm`` or ``few``; chosen from the poses when not given.
 
     """
 

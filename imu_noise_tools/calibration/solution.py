@@ -17,19 +17,22 @@ from . import faces, solve
 from .axes import refuse_crossed_axes
 from .between import time_offset, Turns
 from .correction import Correction
-from .linear import equations
+from .linear import elements, equations, MAGNITUDES, SKEW
 from .poses import FACES, nearest_face, Poses, unit
 from .positions import because, CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
 from .turn_problem import off_axes, SCALE_STD, TurnsProblem
-from ..core.errors import FitError, InputError
+from ..core.errors import FitError, InputError, listed
 from ..loop.diagnosis import diagnose
 from ..loop.effect import Fit, Model
 from ..loop.findings import fresh
 from ..loop.study import assess, Study
 
 SPREAD_POSES = 12               # from which the norm fit is to be had
+_FACES = 5                      # of six, from which poses are faces, not some directions
 _CONDITION = 50.0
+_UNKNOWN = 0.1                  # a scale factor known no better is not known
+_UNTOLD = 0.5                   # of what was known before: poses that leave more say nothing
 _TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
 _TURNED = np.radians(2.0)       # a rotation that a person would want to hear of
 _TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
@@ -135,9 +138,10 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     poses : Poses
         From a record, with or without known inputs. Accelerometer poses without are fitted by
         their magnitudes, cross-axis terms by what faces read across (``faces``); when 12 and more
-        point in different directions, by their magnitude alone (``norm``).
+        point in different directions, by their magnitude alone (``norm``); fewer that are no
+        faces too, with axes square to within 2 deg until they say more (``few``).
     method : str, optional
-        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols``, ``norm`` or ``few``; chosen from the poses when not given.
     tilt : float
         Tilt of the faces, rad (rms of each of two angles), for ``wls``.
     model : Model, optional
@@ -161,17 +165,19 @@ def calibrate(poses: Poses, method: str | None = None, tilt: float = solve.TILT,
     method = method or _method(poses)
     if method == 'norm':
         _refuse_little_spread(poses, notes)
-    elif method == 'faces':
+    elif method in ('faces', 'few'):
         if poses.sensor != 'accel':
             raise InputError('the faces are those of an accelerometer', 'use --method wls')
-        poses = named(poses)
-        notes += _refuse_unsupported(poses, notes)
+        called = named(poses)
+        said = _refuse_unsupported(called, notes)
+        poses, notes = (called, notes + said) if method == 'faces' else (poses, notes)
     elif not poses.known:
         poses, more = faced(poses)
         notes += more
         _refuse_missing_faces(poses.names, notes)
     problem = CalibrationProblem(poses, method, tilt)
-    fit = problem.fit(model)
+    fit, untold = _of_few(problem, model) if method == 'few' else (problem.fit(model), [])
+    notes += untold
     _refuse_failure(fit, poses, method)
     notes += [f'{face} was held {k} times: averaged' for face,
               k in counted(poses.names).items() if k > 1]
@@ -281,10 +287,11 @@ def of_study(study: Study, target: str | None = None) -> Calibration:
 def _method(poses: Poses) -> str:
     if poses.known or poses.sensor != 'accel':
         return 'wls'
-    if spread(poses) < SPREAD_POSES:
-        return 'faces'
-    system = _norm_equations(poses)
-    return 'norm' if system.condition < _CONDITION else 'faces'
+    if spread(poses) >= SPREAD_POSES and _norm_equations(poses).condition < _CONDITION:
+        return 'norm'
+    up = [name for name in named(poses).names if name in FACES]
+    some = len(set(up)) >= _FACES and 2 * len(up) >= poses.n
+    return 'faces' if some or len(up) == poses.n else 'few'
 
 
 def _norm_equations(poses):
@@ -322,6 +329,27 @@ def _refuse_unsupported(poses: Poses, notes) -> list[str]:
     said = [f'no pose has {", ".join(missing)} up; the others tell what these would'
             ] if missing else []
     return [*said, more]
+
+
+def _of_few(problem: CalibrationProblem, model: Model) -> tuple[Fit, list[str]]:
+    """Fit few poses and say which angles they do not tell; refuse a scale that they do not."""
+    more = faces.next_pose(unit(problem.poses.outputs))
+    try:
+        fit = problem.fit(model)
+    except FitError:
+        raise InputError(f'the {problem.poses.n} poses do not tell three scale factors and three '
+                         'biases of axes that are square to 2 deg', more) from None
+    scale, std = fit.details.scale, standard_deviations(fit)[0]
+    size = np.diag(scale).mean()
+    worst = float(np.diag(std).max() / size)
+    if worst > _UNKNOWN:
+        raise InputError(f'the {problem.poses.n} poses tell a scale factor to {100 * worst:.0f} % '
+                         'only', more)
+    angles = [f'{"xyz"[i]} and {"xyz"[j]}' for _, i, j in elements(fit.details.keys)
+              if i < j and std[i, j] > _UNTOLD * SKEW * size]
+    untold = [f'not observable from these poses: the angle between {listed(angles, 3)} (taken as '
+              'right to within 2 deg)'] if angles else []
+    return fit, [*untold, more]
 
 
 def _refuse_missing_faces(names, notes) -> None:
@@ -368,8 +396,8 @@ def _doubts(fit: Fit, method: str, tilt: float) -> list[str]:
     x2, dof = fit.details.chi2, fit.details.dof
     residual, inputs = fit.details.residual, fit.details.inputs
     if dof and chdtrc(dof, x2) < 0.005:
-        said.append(f'residuals are larger than noise{"" if method == "norm" else " and tilt"} '
-                    f'explain: chi-squared '
+        said.append('residuals are larger than noise '
+                    f'{"" if method in MAGNITUDES else "and tilt "}explain: chi-squared '
                     f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
     said += _turned_case(fit, 'the case')
     if method == 'faces':
@@ -379,7 +407,7 @@ def _doubts(fit: Fit, method: str, tilt: float) -> list[str]:
                         'cross-axis terms feel, and scale factors and biases where axes are not '
                         'orthogonal (intervals expect 1 %, as data sheets state): level them, or '
                         f'hold {SPREAD_POSES} spread poses')
-    elif method != 'norm' and dof:
+    elif method not in MAGNITUDES and dof:
         lateral = inputs == 0
         own = np.diag(fit.details.scale)[:, None]
         size = np.where(lateral, residual / own, 0.0) / np.maximum(np.linalg.norm(inputs, axis=0),
@@ -427,7 +455,7 @@ def as_dict(calibration: Calibration) -> Mapping:
     if c.problem.method == 'turns':
         out['scatter_deg'] = float(np.degrees(fit.details.tilt))
         out['left_out_deg'] = float(np.degrees(c.problem.summary(fit)['left_out_rms']))
-    elif c.problem.method != 'norm':
+    elif c.problem.method not in MAGNITUDES:
         out['tilt_deg'] = float(np.degrees(fit.details.tilt))
         out['ols'] = {'S': c.plain.details.scale.tolist(), 'bias': c.plain.details.bias.tolist()}
     seen = {n: poses.names.count(n) for n in dict.fromkeys(poses.names)}

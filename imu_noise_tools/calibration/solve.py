@@ -14,16 +14,16 @@ from scipy.optimize import minimize_scalar
 
 from . import faces
 from .effects import BASE, Regressor, Scatter
-from .linear import elements, Equations, equations, tilt_of
+from .linear import elements, Equations, equations, MAGNITUDES, tilt_of
 from .poses import Poses, unit
 from ..core.errors import FitError, unknown, UsageError
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
 from ..loop.effect import Estimate, Fit, Model, model_of
 
-METHODS = ('faces', 'wls', 'ols', 'norm')
+METHODS = ('faces', 'wls', 'ols', 'norm', 'few')
 TILT = np.radians(1.0)
-_CLOSE = {'norm': 1e-10, 'faces': 1e-7}
+_CLOSE = {'norm': 1e-10, 'few': 1e-10, 'faces': 1e-7}
 _TURNS = 60             # iterations; the norm fit converges quadratically, in five or six
 
 
@@ -119,6 +119,7 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles),
     ``faces`` finds tilt and directions along with them (:mod:`.faces`), ``norm`` uses the
     magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
+    ``few`` does so with the angles between axes right to within 2 deg, until poses say otherwise.
 
     ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses;
     for ``faces`` with the ``tilt`` that was found there.
@@ -224,9 +225,9 @@ class State:
 
 def _iterate(model, poses, method, tilt):
     """Solve with the S (and for unknown directions these) of the last time, until they stay."""
-    free = method in ('norm', 'faces')
-    scale, bias = start(poses) if free else (_rough_scale(poses), np.zeros(3))
-    if method == 'norm' and not poses.known or method == 'faces':
+    free = method in (*MAGNITUDES, 'faces')
+    scale, bias = start(poses, method) if free else (_rough_scale(poses), np.zeros(3))
+    if method in MAGNITUDES and not poses.known or method == 'faces':
         poses = poses.with_inputs(poses.magnitude
                                   * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
     # without unknown directions S enters the weights alone, unless an effect changes the input
@@ -285,13 +286,17 @@ def _rough_scale(poses):
     return np.eye(3) * (spread / size if size > 0 and spread > 0 else 1.0)
 
 
-def start(poses: Poses) -> Any:
+def start(poses: Poses, method: str = 'norm') -> Any:
     """
     Return (S, b) of the axis-aligned ellipsoid through the outputs: sum_k a_k o_k^2 + c_k o_k = 1.
 
-    Works for counts as for SI; where no ellipsoid fits, S = 1 and b = 0.
+    Works for counts as for SI; where no ellipsoid fits, S = 1 and b = 0. Through few poses of axes
+    that are not square it may be a wild one: theirs is the sphere about zero.
 
     """
+    if method == 'few':
+        size = np.linalg.norm(poses.outputs, axis=0).mean()
+        return np.eye(3) * size / poses.magnitude, np.zeros(3)
     middle, size = poses.outputs.mean(1, keepdims=True), poses.outputs.std()
     o = (poses.outputs - middle) / (size or 1.0)
     a = np.vstack([o ** 2, o]).T

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from .effects import Regressor
-from .linear import equations, terms_of, whitened
+from .linear import equations, MAGNITUDES, terms_of, whitened
 from .poses import joined, Poses, unit
 from ..loop.effect import Fit, Model
 
@@ -55,7 +55,7 @@ def nats(one: Fit, other: Fit, poses: Poses, method: str, more: np.ndarray | Non
         poses = joined([poses, new])
     scale = one.details.scale
     system, _ = equations(other.model, poses, scale, one.details.tilt, method, before=False)
-    free = method == 'norm'
+    free = method in MAGNITUDES
     keys = [e for e in one.model.of(Regressor) if e.label not in other.model]
     values = np.array([e.values[p.name] for e in keys for p in e.coefficients])
     signal = whitened(system.whitener, terms_of(Model(keys), poses, scale, free)) @ values

@@ -50,7 +50,7 @@ class Calibration(Node):
                     0.2, 60.0),
             Setting('tilt_deg', 1.0, 'how well faces are level, rms', 'deg', 0.0, 10.0),
             Setting('method', 'auto', 'how poses are solved',
-                    choices=('auto', 'faces', 'wls', 'ols', 'norm')),
+                    choices=('auto', 'faces', 'wls', 'ols', 'norm', 'few')),
             Setting('file', '', f'loaded at the start if there, written by ~/save (else {FILE})',
                     fixed=True))
         self._session = Session(

@@ -44,7 +44,8 @@ def residuals(ax: Axes, calibration: Calibration) -> Axes:
     """Draw each pose's residual, and shade what other poses predict differently."""
     poses, problem = calibration.poses, calibration.problem
     left = problem.left_out(calibration.fit)
-    draw = {'norm': _magnitudes, 'turns': _turns}.get(problem.method, _readings)
+    draw = {'norm': _magnitudes, 'few': _magnitudes, 'turns': _turns}.get(problem.method,
+                                                                          _readings)
     unit_ = draw(ax, calibration, 1 + np.arange(poses.n))
     each = 'turn and rest' if problem.method == 'turns' else 'pose'
     dress(ax, f'{calibration.sensor}: residual of each {each}', '', readable(unit_))

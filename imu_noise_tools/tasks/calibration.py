@@ -78,7 +78,7 @@ def calibrate_records(records: Iterable[ImuRecord], *, sensor: str | None = None
     tilt_deg : float
         How well the faces are level: rms of each of two angles.
     method : str, optional
-        ``faces``, ``wls``, ``ols`` or ``norm``; chosen from the poses when not given.
+        ``faces``, ``wls``, ``ols``, ``norm`` or ``few``; chosen from the poses when not given.
     seconds : float
         Shortest rest that counts as a pose.
 
