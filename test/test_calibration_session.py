@@ -12,9 +12,11 @@ import re
 import calibration_sessions as sim
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 import yaml
 
 from imu_noise_tools import calibration as core, store
+from imu_noise_tools.calibration.session import pooled_errors
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import FitError, InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
@@ -174,6 +176,24 @@ def test_six_poses_that_are_no_faces_are_fitted():
     c = tasks.calibrate_records([record(*sim.stream(device, ups, rng))]).calibration
     assert not set(c.poses.names) & set(sim.AXES)
     np.testing.assert_array_less(np.abs(c.bias - device.bias), 4 * c.std[1])
+
+
+@pytest.mark.parametrize('what, low, high', [('tremor', 0.55, 1.1), ('wander', 0.9, 1.25)])
+def test_a_pose_held_by_hand_is_as_sure_as_it_is_said(what, low, high):
+    """A tremor swings out in a pose, and what wanders does not: the error over the stated one."""
+    rng = np.random.default_rng(36)
+    t, pull = np.arange(500) / 100, []
+    for _ in range(8):
+        windows = []
+        for _ in range(20):
+            hand = np.empty((500, 3))
+            for k in range(3):
+                swing = np.sin(2 * np.pi * rng.uniform(5, 12) * t + rng.uniform(0, 7))
+                wander = lfilter([0.03], [1, -np.exp(-1 / 30)], rng.normal(size=800))[300:]
+                hand[:, k] = 0.04 * swing if what == 'tremor' else 0.3 * wander
+            windows.append(hand + rng.normal(0, 0.005, (500, 3)))
+        pull.append(np.mean(windows, axis=1).T / pooled_errors(windows, 100.0))
+    assert low < np.sqrt(np.mean(np.square(pull))) < high
 
 
 def test_one_bag_a_face_and_a_sign_upside_down():

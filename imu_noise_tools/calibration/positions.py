@@ -27,7 +27,9 @@ _PIECE_S = 0.5           # shortest part of a rest between knocks
 _SHORT_S = 0.4          # shortest rest that is spoken of
 _LONG_S = 2.0           # a rest of which views of a second see the most
 _PICKED_UP = np.radians(5.0)        # a knock turns it by less, putting it down anew by more
-_BLOCK_S = 0.5
+_BLOCK_S = 0.5           # shortest part of a rest whose mean is looked at
+_BLOCKS = 5             # of a rest: what swings, swings out in it as it does in such a part
+_MEANS = 25             # of all rests, from which their variance is known
 _CLIPPED = 0.02         # a larger share of a rest at the end of the range spoils its mean
 _RULE = 8               # rests of which one can stand out
 _CREEPS = chdtri(3, 1e-6)       # chi-squared of the rate in a rest, three axes
@@ -284,9 +286,10 @@ def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
 
 def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.ndarray:
     """
-    Return the standard error of each rest's mean, (3, rests), from half-second means.
+    Return the standard error of each rest's mean, (3, rests), from means of fifths of a rest.
 
-    The variance of these means is pooled over the rests (one sensor, one noise), so that a short
+    No shorter than half a second. In longer parts a tremor averages out, and what wanders shows
+    (batch means). The variance of these means is pooled over the rests (one sensor, one noise), so that a short
     rest is not judged by two or three numbers; a rest that scatters by more than three times the
     others does not count. What the step of the output hides comes to it (:func:`hidden`).
 
@@ -296,7 +299,9 @@ def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.n
 
 def scatter_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.ndarray:
     """Return the part of :func:`standard_errors` that a longer rest makes smaller, (3, rests)."""
-    block = max(2, round(_BLOCK_S * rate_hz))
+    middle = np.median([len(r.samples()) for r in found])
+    parts = max(_BLOCKS, _MEANS / len(found))
+    block = max(2, round(_BLOCK_S * rate_hz), int(middle / parts))
     variances, weights = [], []
     for rest in found:
         means = [data[p + k * block:p + (k + 1) * block].mean(0)
