@@ -17,6 +17,8 @@ from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.faces import polar
 from imu_noise_tools.calibration.linear import Equations
 from imu_noise_tools.core.errors import FitError, InputError, UsageError
+from imu_noise_tools.plots.calibration import residuals
+from imu_noise_tools.plots.style import new_figure
 
 DEG = np.pi / 180
 
@@ -354,6 +356,23 @@ def test_edges_stand_in_for_a_face():
     with pytest.raises(InputError, match='do not tell three') as refusal:
         core.calibrate(poses.take([0, 1, 2, 3, 7]))
     assert 'z' in refusal.value.remedy and refusal.value.remedy.startswith('one more pose with')
+
+
+def test_the_picture_of_faces_shows_what_chi_squared_counts():
+    """Bars of faces and of an edge: their squares are chi-squared, but for what was known."""
+    rng = np.random.default_rng(48)
+    device = sim.Device.drawn(rng)
+    edges = np.array([[1, 0, -1], [0, 1, 1], [-1, -1, 0]]) / np.sqrt(2)
+    true = sim.G * sim.tilted(np.vstack([sim.faces()[1], edges]), 2 * DEG, rng)
+    out = device.output(true, rng)
+    out[7] += 0.02                                          # something happens at an edge
+    c = core.calibrate(core.Poses.of('accel', out.T, device.noise, sim.G))
+    ax = residuals(new_figure(11, 4).add_subplot(), c)
+    height = np.array([b.get_height() for k in ax.containers for b in k])
+    system = c.fit.details.equations
+    assert c.problem.method == 'faces' and len(height) == 6 * 3 + 3
+    assert np.sum(height ** 2) == pytest.approx(np.sum(system.residual[system.pose >= 0] ** 2),
+                                                rel=0.1)
 
 
 @pytest.mark.parametrize('method', [None, 'wls'])

@@ -44,18 +44,20 @@ def residuals(ax: Axes, calibration: Calibration) -> Axes:
     """Draw each pose's residual, and shade what other poses predict differently."""
     poses, problem = calibration.poses, calibration.problem
     left = problem.left_out(calibration.fit)
-    draw = {'norm': _magnitudes, 'few': _magnitudes, 'turns': _turns}.get(problem.method,
-                                                                          _readings)
+    draw = {'norm': _magnitudes, 'few': _magnitudes, 'faces': _faces,
+            'turns': _turns}.get(problem.method, _readings)
     unit_ = draw(ax, calibration, 1 + np.arange(poses.n))
     each = 'turn and rest' if problem.method == 'turns' else 'pose'
-    dress(ax, f'{calibration.sensor}: residual of each {each}', '', readable(unit_))
+    more = ', with its tilt' if problem.method == 'faces' else ''
+    dress(ax, f'{calibration.sensor}: residual of each {each}{more}', '', readable(unit_))
     ax.axhline(0, color=FAINT, linewidth=0.8)
     pull = np.sqrt(left.x / np.maximum(left.bins, 1))
     off = (pull > _LOUD) & (left.bins > 0)
     for k in np.flatnonzero(off):
         ax.axvspan(k + 0.5, k + 1.5, color=FAIL, alpha=0.12, linewidth=0)
     if poses.n <= 24:
-        ax.set_xticks(1 + np.arange(poses.n), poses.names, rotation=90 if poses.n > 9 else 0)
+        names = [name.split(' (')[0] for name in poses.names]      # without the angle of a turn
+        ax.set_xticks(1 + np.arange(poses.n), names, rotation=90 if poses.n > 9 else 0)
     else:
         ax.xaxis.set_major_locator(_whole_numbers())
         ax.set_xlabel('turns, then rests' if problem.method == 'turns' else 'pose',
@@ -85,6 +87,9 @@ def _magnitudes(ax, calibration, x):
     ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
     ax.errorbar(x, np.zeros(len(x)), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
                 capsize=2, label='±2 standard errors')
+    if len(x) <= len(calibration.fit.details.keys):
+        ax.text(0.5, 0.06, 'no more poses than coefficients: they are met whatever they say',
+                transform=ax.transAxes, ha='center', fontsize=SMALL, color=MEASURED)
     return calibration.problem.unit
 
 
@@ -114,14 +119,44 @@ def _readings(ax, calibration, x):
     """Draw the residuals of the three readings in standard errors; return that."""
     # tilt makes lateral readings a hundred times less certain than axial ones: only in
     # standard errors do both show
-    left, poses = calibration.fit.details.residual, calibration.poses
-    pull = left.T / _reading_std(calibration.fit.details.equations)
+    left = calibration.fit.details.residual.T
+    pull = left / _reading_std(calibration.fit.details.equations)
+    return _bars(ax, x, left / calibration.poses.amount[:, None], pull, calibration.problem.unit)
+
+
+def _faces(ax, calibration, x):
+    """
+    Draw what the readings of faces are off by, and of other poses the magnitude; return the unit.
+
+    Beside their nominal inputs: about the directions that are found no tilt is left. The reading
+    of the axis that is up is the magnitude, which feels no tilt.
+
+    """
+    details, poses = calibration.fit.details, calibration.poses
+    system = details.equations
+    back = np.linalg.inv(system.whitener)
+    rows = system.residual[system.pose >= 0].reshape(poses.n, 3)
+    left = np.einsum('nij,nj->ni', back, rows)
+    axis = np.linalg.solve(details.scale.T, unit(details.inputs)).T
+    size = np.linalg.norm(np.einsum('ni,nij->nj', axis, back), axis=1)
+    along = np.sum(axis * left, axis=1) / size
+    up = np.array([DIRECTIONS.get(name, np.zeros(3)) for name in poses.names])
+    pull = np.where(up, up * along[:, None], left / _reading_std(system))
+    face = up.any(axis=1)
+    if not face.all():
+        ax.bar(x[~face], along[~face], 0.6, color=MEASURED, label='magnitude, of no face')
+    return _bars(ax, x[face], left[face], pull[face], calibration.problem.unit)
+
+
+def _bars(ax, x, left, pull, unit_):
+    """Draw pulls (n, 3) of what is left of readings (n, 3); return their unit."""
     ax.axhspan(-2, 2, color='#eef1f3', linewidth=0, zorder=0)
-    for k, axis in enumerate('xyz'):
-        rms = float(np.sqrt(np.mean((left[k] / poses.amount) ** 2)))
+    for k, axis in enumerate('xyz' if len(x) else ''):
+        rms = float(np.sqrt(np.mean(left[:, k] ** 2)))
         ax.bar(x + 0.27 * (k - 1), pull[:, k], 0.25, color=AXES[axis],
-               label=f'{axis}: {rms:.2g} {readable(calibration.problem.unit)} rms')
-    ax.set_ylim(min(-2.5, 1.1 * pull.min()), max(2.5, 1.1 * pull.max()))
+               label=f'{axis}: {rms:.2g} {readable(unit_)} rms')
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(-2.5, 1.1 * low), max(2.5, 1.1 * high))
     return 'standard errors'
 
 
