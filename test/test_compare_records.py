@@ -5,9 +5,11 @@
 
 from types import SimpleNamespace
 
+import calibration_sessions as sim
 import numpy as np
 import pytest
 
+from imu_noise_tools import calibration
 from imu_noise_tools.cli import text
 from imu_noise_tools.core.errors import InputError
 from imu_noise_tools.core.record import ImuRecord
@@ -16,6 +18,7 @@ from imu_noise_tools.filter.problem import problem_of
 from imu_noise_tools.loop.effect import Estimate, find_effect, model_of
 from imu_noise_tools.loop.study import Study
 from imu_noise_tools.noise.differences import as_sigmas
+from imu_noise_tools.tasks.calibration import study_of
 from imu_noise_tools.tasks.compare import _apart, _on_scale, compare_two, limit
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -191,3 +194,19 @@ def test_studies_of_different_kinds_are_named():
         compare_two(one, other)
     with pytest.raises(InputError, match='no target in common'):
         compare_two(one, SimpleNamespace(domain='noise', targets=('accel_x',)))
+
+
+def test_calibrations_are_compared_in_the_units_and_digits_that_calibrate_prints():
+    """A scale factor to 1e-4 has five decimals; a bias is in m/s^2, not in ug."""
+    rng = np.random.default_rng(3)
+    some = []
+    for bias in (0.1, 0.13):
+        device = sim.Device(bias=np.array([bias, 0.0, 0.0]), noise=1e-3)
+        true = sim.G * sim.spread_directions(16, rng)
+        poses = calibration.Poses.of('accel', device.output(true, rng).T, device.noise, sim.G)
+        some.append(study_of(calibration.calibrate(poses)))
+    row = {r['what']: r for r in compare_two(*some)}
+    assert row['bias.b_x']['unit_shown'] == 'm/s^2' and row['bias.b_x']['verdict'] == 'changed'
+    assert float(row['bias.b_x']['first_shown'].split()[0]) == pytest.approx(0.1, abs=0.005)
+    value, _, std = row['scale.S_xx']['first_shown'].split()
+    assert float(std) < 2e-4 and len(value.partition('.')[2]) >= 5

@@ -137,7 +137,8 @@ def gathered(record: ImuRecord, found: list[Rest], accel: Correction, gravity: f
         raise InputError(f'{record.path or "the record"} has not both sensors',
                          'turns between poses need a gyroscope and an accelerometer')
     if len(found) < 2:
-        raise InputError('fewer than two rests', 'hold some poses, still, one after the other')
+        raise InputError('fewer than two rests in one recording: no turn between poses is seen',
+                         'hold some poses, still, one after the other')
     gyro = np.asarray(record.gyro, float)
     heat = record.covariates.get('temperature', np.full(record.n, np.nan))
     force = accel.apply(np.asarray(record.accel, float), _known(heat), time=record.t)

@@ -289,7 +289,7 @@ def standard_errors(data: np.ndarray, found: list[Rest], rate_hz: float) -> np.n
     Return the standard error of each rest's mean, (3, rests), from means of fifths of a rest.
 
     No shorter than half a second. In longer parts a tremor averages out, and what wanders shows
-    (batch means). The variance of these means is pooled over the rests (one sensor, one noise), so that a short
+    (batch means). Their variance is pooled over the rests (one sensor, one noise), so that a short
     rest is not judged by two or three numbers; a rest that scatters by more than three times the
     others does not count. What the step of the output hides comes to it (:func:`hidden`).
 

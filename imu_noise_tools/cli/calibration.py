@@ -107,7 +107,9 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _show(c: Any, data: Any, source: Any) -> None:
     """Print what one sensor came to."""
-    print(f'{c.sensor}: {c.poses.n} poses, {c.problem.method}'
+    held = (f'{c.problem.data.n} turns between {c.problem.data.rests.n} rests'
+            if c.problem.method == 'turns' else f'{c.poses.n} poses, {c.problem.method}')
+    print(f'{c.sensor}: {held}'
           + (f', gravity {source["gravity"]:.5f} m/s^2: {source["gravity_from"]}'
              if c.sensor == 'accel' else ''))
     for note in c.notes:

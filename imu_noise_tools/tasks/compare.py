@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ def _of_target(t: str, first: Study, second: Study) -> list[dict]:
             of = a.model[label].parameter(name)
             if y is not None and not _unused(of, x, y):
                 what, x, y = instead.get((label, name), (f'{label}.{name}', x, y))
-                out.append(_of_estimates(t, what, of, x, y))
+                out.append(_of_estimates(t, what, of, x, y, a.model[label].field_units))
     for label in dict.fromkeys([*a.model.labels, *b.model.labels]):
         has = [label in s.model for s in (a, b)]
         if not all(has) and not a.problem.differs_in_data((a if has[0] else b).model[label]):
@@ -98,12 +99,13 @@ def _unused(of: Parameter, x: Estimate, y: Estimate) -> bool:
             and not (of.amplitude or of.choices))
 
 
-def _of_estimates(target: str, what: str, of: Parameter, x: Estimate, y: Estimate) -> dict:
+def _of_estimates(target: str, what: str, of: Parameter, x: Estimate, y: Estimate,
+                  as_field: bool) -> dict:
     if of.choices:
         names = ['-' if e.value is None else str(of.written(e.value)) for e in (x, y)]
         return _row(target, what, *names,
                     verdict='the same' if names[0] == names[1] else 'another in each model')
-    return _values(target, what, of.unit, x, y, _apart(of, x, y))
+    return _values(target, what, of.unit, x, y, _apart(of, x, y), as_field)
 
 
 def _apart(of: Parameter, x: Estimate, y: Estimate) -> float | None:
@@ -166,13 +168,14 @@ def _towards(scale: Callable[[float], float], e: Estimate,
 
 
 def _values(target: str, what: str, unit: str, x: Estimate, y: Estimate,
-            sigmas: float | None) -> dict:
-    """Return a row of two numbers, in SI and as the field writes them."""
+            sigmas: float | None, as_field: bool = True) -> dict:
+    """Return a row of two numbers, in SI and as people write them: as the field, or SI again."""
     sensor = target.partition('_')[0]
     known = sensor in ('gyro', 'accel')
-    factor, field = units.field(unit, sensor) if known else (1.0, x.unit or unit)
+    si = units.si(unit, sensor) if known else x.unit or unit
+    factor, field = units.field(unit, sensor) if known and as_field else (1.0, si)
     return _row(
-        target, what, _shown(x), _shown(y), units.si(unit, sensor) if known else field,
+        target, what, _shown(x), _shown(y), si,
         _shown(x, factor), _shown(y, factor), field,
         sigmas=sigmas, verdict='not to be told')
 
@@ -190,5 +193,9 @@ def _shown(e: Estimate, factor: float = 1.0) -> str:
     """Return a number with its standard deviation, divided by what its unit is in SI."""
     if e.value is not None:
         of = f' +- {e.std / factor:.2g}' if e.std else ''
-        return f'{e.value / factor:.4g}{of}'
+        digits = 4      # or as many as make two of the deviation
+        if e.std and e.value:
+            digits = min(max(4, 2 + math.floor(math.log10(abs(e.value)))
+                             - math.floor(math.log10(e.std))), 8)
+        return f'{e.value / factor:.{digits}g}{of}'
     return f'< {e.upper95 / factor:.3g}' if e.upper95 is not None else '?'
