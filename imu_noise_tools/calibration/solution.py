@@ -303,7 +303,7 @@ def _norm_equations(poses):
 
 def _refuse_little_spread(poses: Poses, notes) -> None:
     remedy = (f'hold at least {SPREAD_POSES} poses in all directions, edges and corners too; or '
-              'use --method wls with six faces')
+              'leave --method out')
     apart = spread(poses)
     if apart < SPREAD_POSES:
         raise InputError(f'{apart} poses point in different directions ({poses.n} in all), the '
