@@ -15,7 +15,7 @@ independence.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -370,11 +370,13 @@ def _missed(evidence: Evidence, model: Model, f: np.ndarray) -> np.ndarray | flo
     return np.interp(f, known.bins.f, known.missed(model))
 
 
-def covariance_of_means(psd, count, n, dt):
+def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: int,
+                        dt: float) -> np.ndarray:
     """
-    Return the covariance of the means of ``count`` blocks.
+    Return the covariance (count, count) of the means of blocks of n samples of noise of a density.
 
-    It is Phi diag(V) Phi^T, Phi the DCT basis of the blocks.
+    ``psd`` gives it at frequencies in Hz, ``dt`` is in s. It is Phi diag(V) Phi^T, Phi the DCT
+    basis of the blocks.
 
     A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its
     Dirichlet kernel; k and 2 count j +- k fold onto each other, those of them that the record has.
@@ -394,7 +396,7 @@ def covariance_of_means(psd, count, n, dt):
     v = (np.sum(s * gain2, axis=0) * count / n + missing * s[-1] / length) / (2 * dt)
     j = np.arange(count) + 0.5
     basis = np.sqrt(2 / count) * np.cos(np.pi * np.outer(j, q) / count)
-    return (basis * v) @ basis.T
+    return np.asarray((basis * v) @ basis.T)
 
 
 def root_of(spread: np.ndarray) -> np.ndarray:
