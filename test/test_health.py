@@ -281,6 +281,22 @@ def quiet(rng, seconds, rate, gyro=1e-3, accel=1e-2) -> ImuRecord:
                      np.arange(n) / rate, float(rate))
 
 
+@pytest.mark.parametrize('step, said', [(0.0, True), (1e-3, True), (4e-3, False)])
+def test_an_axis_that_dies_midway_is_said(step, said):
+    """Its N is too small; of an output whose steps hide the noise nothing can be told."""
+    record = quiet(np.random.default_rng(4), 300, 100.0)
+    gyro = record.gyro.copy()
+    if step:
+        gyro = np.round(gyro / step) * step
+    assert not any('one value' in w for w in prepare(replace(record, gyro=gyro)).warnings)
+    gyro[18_000:, 1] = np.round(-0.02 / step) * step if step else gyro[18_000, 1]
+    record = replace(record, gyro=gyro)
+    for words in prepare(record).warnings, examine(record).advice:
+        found = [w for w in words if 'stands at one value' in w]
+        assert len(found) == said
+        assert not said or found[0].startswith('gyro_y') and 'to 299.99 s' in found[0]
+
+
 def knocked(record, times, size=1.0, gyro=0.05) -> ImuRecord:
     """Return the record with knocks that ring down within a fifth of a second."""
     a, w = record.accel.copy(), record.gyro.copy()

@@ -15,8 +15,8 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .united import united
 from .values import (
-    at_the_end, finite, is_constant, not_finite, too_fast, unit_of_stamps, where_not_finite,
-    wrong_units)
+    at_the_end, finite, is_constant, not_finite, standing, too_fast, unit_of_stamps,
+    where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import AXES, HUGE, ImuRecord, Memory, sensor_of
@@ -346,6 +346,7 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
                    f'({where_not_finite(h.not_finite_axes)}): check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
+    say += [f'{s}.' for s in standing(record)]
     say += [f'{s}.' for s in at_the_end(h.range_ends, h.samples)]
     if h.held > HELD:
         # more of a coarse output do by chance

@@ -21,8 +21,8 @@ from .fill import drawn
 from .stamps import ordered
 from .united import united
 from .values import (
-    at_the_end, finite, is_constant, not_finite, too_fast, unit_of_stamps, where_not_finite,
-    wrong_units)
+    at_the_end, finite, is_constant, not_finite, standing, too_fast, unit_of_stamps,
+    where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
 from ..core.disturbed import disturbance, disturbances
@@ -106,6 +106,8 @@ def prepare(
         memory.rest()
         _enough(record)
         record = _set_aside(record, screen, tuple(masks))
+        memory.rest()
+        record = record.warned(*standing(record))
         memory.rest()
         record = record.warned(*at_the_end(at_ends(record), record.n))
         memory.rest()

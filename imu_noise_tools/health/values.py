@@ -23,6 +23,8 @@ PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit th
 SUSPECTED = 'wrong unit suspected'
 COUNTS = ('; these look like raw counts: multiply them by the scale in the sensor\'s data sheet '
           '(m/s^2 or rad/s for a count)')
+STANDS = 100             # equal samples in a row that may be a dead axis
+BY_CHANCE = 1e-9        # of a record: how likely so many are equal in one of noise alone
 
 
 def finite(record: ImuRecord) -> np.ndarray:
@@ -56,6 +58,36 @@ def is_constant(x: np.ndarray) -> bool:
         return False
     some = x[np.isfinite(x)]
     return not len(some) or bool(np.all(some == some[0]))
+
+
+def standing(record: ImuRecord) -> list[str]:
+    """
+    Return a sentence on each axis that changes, but not for a while.
+
+    It is no noise that is small there but none, which makes N too small. Equal samples of a
+    coarse output come by chance, as often as elsewhere in the record, and where most of its
+    samples repeat, a drift may hold it on one level: of such a one nothing is said.
+
+    """
+    said = []
+    for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
+        x = record.column(axis)
+        begins = np.flatnonzero(np.r_[True, x[1:] != x[:-1]])
+        lengths = np.diff(np.r_[begins, len(x)])
+        if len(begins) < 2 or lengths.max() < STANDS:
+            continue
+        k = int(np.argmax(lengths))
+        if x[begins[k]] in (np.min(x), np.max(x)):
+            continue                        # at_the_end says it
+        run, others = int(lengths[k]), len(x) - int(lengths[k])
+        again = (others - (len(begins) - 1)) / max(others, 1)
+        if again < 0.5 and len(x) * again ** (run - 1) < BY_CHANCE:
+            first, last = (float(record.t[i]) for i in (begins[k], begins[k] + run - 1))
+            said.append(
+                f'{axis} stands at one value from {first:.6g} s to {last:.6g} s ({run} samples): '
+                'N comes out too small; check the driver and the wiring, or leave that out '
+                '(--start, --duration, --mask)')
+    return said
 
 
 def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
