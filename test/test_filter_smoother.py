@@ -125,6 +125,20 @@ def test_it_is_nearer_than_the_filter_at_rest_in_a_turn_and_at_a_step():
     assert np.array_equal(both.score, causal.score)
 
 
+def test_what_is_seen_only_in_a_sum_leaves_no_nan():
+    """Flicker noise comes as several slow terms: no sample tells one from another."""
+    t, noise = np.arange(200)[:, None] / 200, 1.236e-3
+    truth = 40 * DEG * np.sin(2 * np.pi * 1.85 * t + np.arange(3))
+    z = truth + noise * np.random.default_rng(1).standard_normal((200, 6))[:, :3]
+    terms = {f'gauss_markov{k}': {'sigma': sigma, 'tc': tc} for k, sigma, tc in (
+        ('', 3.2e-5, 1.0), ('.2', 2.8e-5, 7.7), ('.3', 2.9e-5, 60.0), ('.4', 2.8e-5, 460.0),
+        ('.5', 3.2e-5, 3600.0))}
+    chosen = design(noise=('white', *terms), values={'white': {'R': noise ** 2}, **terms})
+    got = filter_record(t[:, 0], z, chosen, 200.0, smooth=True)
+    assert np.sqrt(np.mean((got.rate - truth) ** 2)) < noise
+    assert (got.variance > 0).all() and (got.variance < 1.5 * noise ** 2).all()
+
+
 @pytest.mark.thorough
 def test_flaws_of_a_stream():
     t, z, truth = turning(3000, seed=6)

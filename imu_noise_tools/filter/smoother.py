@@ -203,7 +203,8 @@ def _met(bank: Bank, now: Kept, said: Likelihood, e: Entries) -> tuple:
     spread = {(i, k): (weight * apart[i] * apart[k]).sum(1) for i, k in bank.pairs}
     rate, variance = _rate(bank, now, log_k, h, {k: v - spread[k] for k, v in j.items()})
     # one likelihood for each mode: all of them by their weights, flatter the more they differ
-    share = 1 / (1 + _trace(j, spread, bank.table.size))
+    # (a trace of rounding, where states are seen only in their sum, may come out below zero)
+    share = 1 / (1 + np.maximum(_trace(j, spread, bank.table.size), 0.0))
     one = Likelihood({k: share * (weight * v).sum(1) for k, v in said.j.items()},
                      [share * v for v in pull], 0.0)
     one.log_k = log_k - one.blurred(parts).log_k
