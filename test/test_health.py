@@ -29,6 +29,7 @@ from imu_noise_tools.health.stamps import ordered
 from imu_noise_tools.health.values import too_fast, wrong_units
 from imu_noise_tools.plots.noise import left_out
 from imu_noise_tools.tasks.filter import filter_samples
+from imu_noise_tools.tasks.noise import analyse_record
 
 SEEDS = range(3)
 
@@ -295,6 +296,12 @@ def test_an_axis_that_dies_midway_is_said(step, said):
         found = [w for w in words if 'stands at one value' in w]
         assert len(found) == said
         assert not said or found[0].startswith('gyro_y') and 'to 299.99 s' in found[0]
+    assert 0 <= (18_000 if said else 30_000) - prepare(record).n < 5     # some may be equal before
+    assert prepare(record, screen=False).n == 30_000
+    study = analyse_record(record, axes=('gyro_y',), effects=('white',))
+    n = study.states['gyro_y'].fit.estimates['white']['N']
+    # of what is dead nothing is analysed: N is as before
+    assert not said or n.ci95[0] < np.hypot(1e-3, step / np.sqrt(12)) * 0.1 < n.ci95[1]
 
 
 def knocked(record, times, size=1.0, gyro=0.05) -> ImuRecord:

@@ -346,7 +346,7 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
                    f'({where_not_finite(h.not_finite_axes)}): check the driver.')
     for axis in h.stuck:
         say.append(f'{axis} never changes: check the driver and the wiring.')
-    say += [f'{s}.' for s in standing(record)]
+    say += [f'{s.in_words}.' for s in standing(record)]
     say += [f'{s}.' for s in at_the_end(h.range_ends, h.samples)]
     if h.held > HELD:
         # more of a coarse output do by chance

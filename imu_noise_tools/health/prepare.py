@@ -36,6 +36,7 @@ LEAST_REST_S = 60.0
 MOST_MISSING = 0.01         # share of samples not finite that is refused
 FEW_LOST = 1e-3             # share of samples that may be interpolated: a filter that none sees
 SEED = 1                    # of what is drawn for lost samples: twice the same numbers
+ALIVE = 0.5     # share of the time in which no axis stands still, from which that is analysed
 MOST_SET_ASIDE = 0.05       # share of the time that is set aside by itself
 PIECE = 1 << 20             # of an array as long as the record: what is worked on at a time
 MOTION_KEPT = (
@@ -97,7 +98,7 @@ def prepare(
         record = record.warned(*united(record))
         record = _filled(record, clock, memory)
         memory.rest()
-        record = _stuck(record)
+        record = _alive(_stuck(record), screen)
         memory.rest()
         if not keep_motion:
             record = _at_rest(record)
@@ -106,8 +107,6 @@ def prepare(
         memory.rest()
         _enough(record)
         record = _set_aside(record, screen, tuple(masks))
-        memory.rest()
-        record = record.warned(*standing(record))
         memory.rest()
         record = record.warned(*at_the_end(at_ends(record), record.n))
         memory.rest()
@@ -208,6 +207,27 @@ def _without_pauses(record: ImuRecord) -> tuple[ImuRecord, SampleClock]:
     )
     _enough(part)
     return part, fit_clock(part.t) or clock
+
+
+def _alive(record: ImuRecord, screen: bool) -> ImuRecord:
+    """Return the longest stretch in which no axis stands at one value, if it is long enough."""
+    dead = standing(record)
+    if not dead:
+        return record
+    stops = np.zeros(record.n, bool)
+    for one in dead:
+        stops[one.first:one.first + one.samples] = True
+    edges = np.r_[0, np.flatnonzero(np.diff(stops)) + 1, record.n].tolist()
+    begin, end = max(((a, b) for a, b in zip(edges, edges[1:]) if not stops[a]),
+                     key=lambda some: some[1] - some[0], default=(0, 0))
+    said = [s.in_words for s in dead]
+    if not screen or end - begin < ALIVE * record.n:
+        return record.warned(*(
+            f'{s}, and leave that out (--start, --duration, --mask): N comes out too small'
+            for s in said))
+    part = record.part(begin, end)
+    return part.warned(*said, 'the longest stretch without that is analysed, '
+                       f'{part.duration_s:.4g} s from {part.t[0]:.4g} s on; --no-screen keeps all')
 
 
 def _finite_enough(record: ImuRecord) -> None:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,9 +61,25 @@ def is_constant(x: np.ndarray) -> bool:
     return not len(some) or bool(np.all(some == some[0]))
 
 
-def standing(record: ImuRecord) -> list[str]:
+class Standing(NamedTuple):
+    """An axis that stands at one value for a while: of which sample on, how many, from and to."""
+
+    axis: str
+    first: int
+    samples: int
+    begin: float    # s
+    end: float
+
+    @property
+    def in_words(self) -> str:
+        """A sentence on it, which goes on with what follows from it."""
+        return (f'{self.axis} stands at one value from {self.begin:.6g} s to {self.end:.6g} s '
+                f'({self.samples} samples): check the driver and the wiring')
+
+
+def standing(record: ImuRecord) -> list[Standing]:
     """
-    Return a sentence on each axis that changes, but not for a while.
+    Return each axis that changes, but not for a while.
 
     It is no noise that is small there but none, which makes N too small. Equal samples of a
     coarse output come by chance, as often as elsewhere in the record, and where most of its
@@ -83,10 +100,7 @@ def standing(record: ImuRecord) -> list[str]:
         again = (others - (len(begins) - 1)) / max(others, 1)
         if again < 0.5 and len(x) * again ** (run - 1) < BY_CHANCE:
             first, last = (float(record.t[i]) for i in (begins[k], begins[k] + run - 1))
-            said.append(
-                f'{axis} stands at one value from {first:.6g} s to {last:.6g} s ({run} samples): '
-                'N comes out too small; check the driver and the wiring, or leave that out '
-                '(--start, --duration, --mask)')
+            said.append(Standing(axis, int(begins[k]), run, first, last))
     return said
 
 
