@@ -14,9 +14,9 @@ import pytest
 from scipy import stats
 
 from imu_noise_tools.cli.main import main
-from imu_noise_tools.core.errors import UsageError
+from imu_noise_tools.core.errors import FitError, UsageError
 from imu_noise_tools.core.units import DEG
-from imu_noise_tools.filter import kalman
+from imu_noise_tools.filter import kalman, recorded
 from imu_noise_tools.filter.design import design
 from imu_noise_tools.filter.engine import Engine
 from imu_noise_tools.filter.recorded import filter_record
@@ -256,6 +256,16 @@ def test_blocks_and_chunks_are_the_whole(monkeypatch):
     assert (np.abs(whole.rate - chunks.rate) / np.sqrt(chunks.variance)).max() < 3
     monkeypatch.setattr(smoother, 'BLOCK', 100)
     assert np.array_equal(whole.rate, filter_record(t, z, chosen, 10.0, smooth=True).rate)
+
+
+def test_answers_that_are_no_numbers_are_no_answers(monkeypatch):
+    def spoilt(z, *_):
+        return np.where(np.arange(len(z))[:, None] == 7, np.nan, z), z, z
+
+    t, z, _ = turning(100)
+    monkeypatch.setattr(recorded, 'smooth_chunks', spoilt)
+    with pytest.raises(FitError, match='no numbers'):
+        filter_record(t, z, design(values=KNOWN), smooth=True)
 
 
 def test_a_delay_that_is_none_is_refused():

@@ -15,8 +15,10 @@ import pytest
 import yaml
 
 from imu_noise_tools.bag import write_bag
+from imu_noise_tools.loop.effect import Estimate, registry
 from imu_noise_tools.nodes import answers
 from imu_noise_tools.nodes.times import ARRIVALS
+from imu_noise_tools.store import estimate_to_dict
 from nodes_support import (DiagnosticArray, Imu, messages, ROOT, Temperature, Trigger, values,
                            wait_for)
 
@@ -234,3 +236,18 @@ def test_a_coefficient_without_value_or_limit_is_an_error():
     entry['error']['within_chance'] = False
     assert messages.coefficients('gyro_x', entry).level == messages.WARN
     assert messages.coefficients('gyro_x', {**entry, 'sufficient': True}).level == messages.OK
+
+
+@pytest.mark.parametrize('name', sorted(registry('noise')))
+def test_every_effect_of_a_model_is_told(name):
+    """What is chosen by name has no unit: a narrow band in the model ended the service."""
+    effect = registry('noise')[name].example()
+    entry = {'error': {}, 'effects': {effect.label: {
+        'effect': name, **{p.name: estimate_to_dict(Estimate(v, None, None, p.unit, point=v), p)
+                           for p in effect.parameters
+                           if (v := effect.values.get(p.name)) is not None}}}}
+    told = {v.key: v.value for v in messages.coefficients('gyro_x', entry).values}
+    for p in effect.parameters:
+        if effect.values.get(p.name) is not None:
+            found = [k for k in told if k.split(' [')[0] in (p.name, f'{effect.label}.{p.name}')]
+            assert found and (not p.choices or told[found[0]] in p.choices)

@@ -18,7 +18,7 @@ from .stamps import Clock, DUPLICATE, RESTART
 from .statespace import state_space
 from .window import Window
 from ..core.clock import median_rate
-from ..core.errors import InputError
+from ..core.errors import FitError, InputError
 
 IRREGULAR = (
     0.002  # share of odd intervals above which the steady state is left for the bank's recursion
@@ -84,6 +84,8 @@ def filter_record(
     ------
     InputError
         Fewer than ten finite samples, or stamps that never advance.
+    FitError
+        Answers that are no numbers.
     UsageError
         To be smoothed with a fading memory, or twice.
 
@@ -125,6 +127,9 @@ def filter_record(
         parts = _by_steady_state(work, todo, design, clock, steady)
     else:
         parts = _by_chunks(work, todo, design, clock, progress)
+    if not all(np.isfinite(part).all() for part in parts[:2]):
+        raise FitError('the filter gives rates or deviations that are no numbers',
+                       'filter with fewer effects, or without --smooth')
     back = np.cumsum(~twice) - 1  # a copy of a message gets its original's answer
     out = []
     for part in parts:

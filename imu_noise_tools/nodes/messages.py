@@ -222,7 +222,8 @@ def coefficients(target: str, entry: Mapping) -> DiagnosticStatus:
             capital = len(name) == 1 and name.isupper() and '.' not in label
             key = name if capital else f'{label}.{name}'
             lo, hi = e.get('ci95') or (None, None)
-            values += [(f'{key}{suffix} [{e["unit"]}]', v) for suffix, v in (
+            unit = f' [{e["unit"]}]' if 'unit' in e else ''     # what is chosen has none
+            values += [(f'{key}{suffix}{unit}', v) for suffix, v in (
                 ('', e.get('value')), ('_std', e.get('std')), ('_lo', lo), ('_hi', hi),
                 ('_upper95', e.get('upper95')))]
     values += [(k, v) for k, v in entry['error'].items() if isinstance(v, (int, float))]
