@@ -239,6 +239,17 @@ def test_what_is_not_interpolated_is_not_said_to_be():
         assert united_said(record) == [], seed
 
 
+def test_stamps_in_bursts_do_not_make_interpolated_samples():
+    """Stamps given nearly once a frame tell no slope; a coarse gyroscope repeats itself."""
+    rng = np.random.default_rng(3)
+    record = held_at_once(0, 3, 20000)
+    t = np.arange(record.n) / 100.0
+    t = np.maximum.accumulate(np.ceil(t * 30) / 30 + 2e-4 * rng.random(record.n))
+    accel = np.round(record.accel / 6e-4) * 6e-4
+    gyro = np.round(record.gyro / 7e-4) * 7e-4
+    assert united_said(ImuRecord(gyro=gyro, accel=accel, t=t, rate_hz=100.0)) == []
+
+
 def test_both_at_once_where_something_needs_it(studies):
     """Who does not ask for the sensors apart gets them joined, and is told what that costs."""
     record = open_record(studies / 'camera.mcap')

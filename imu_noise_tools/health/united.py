@@ -22,6 +22,7 @@ LOOKED_AT = 200_000     # samples that tell
 LEAST = 0.2             # share of samples for which it holds on all axes at once
 TOGETHER = 0.5          # of the way from axes that have nothing to do with each other to one fate
 ON_LINE = 1e-3          # of the usual change of slope: what counts as none
+CLOSE = 0.1             # of the usual interval: stamps that came in one burst
 SEGMENT = 1 << 14       # samples of a periodogram: over longer, two clocks drift apart
 LINE = 15.0             # of the level around it: what of a spectrum is no noise
 BROAD = 1.3             # of the level: what is no line but a hump
@@ -62,9 +63,14 @@ def _how(x: np.ndarray, t: np.ndarray) -> tuple[str, str] | None:
     same = step == 0
     if _beyond_chance(same):
         return 'repeats samples taken', f'{np.sum(~same.all(axis=1)) / span:.3g}'
-    for width in (np.maximum(np.diff(t), 1e-9)[:, None], 1.0):
+    width = np.diff(t)[:, None]
+    apart = width > CLOSE * span / (len(t) - 1)     # stamps of one burst tell no slope
+    for width, known in ((np.where(apart, width, np.inf), apart), (1.0, np.ones_like(apart))):
+        both = known[1:] & known[:-1]
+        if not both.any():
+            continue
         bend = np.abs(np.diff(step / width, axis=0))
-        straight = bend < ON_LINE * np.mean(bend, axis=0)
+        straight = both & (bend < ON_LINE * np.mean(bend, axis=0, where=both))
         straight &= ~(same[1:] | same[:-1])
         if _beyond_chance(straight):
             bent = ~straight.all(axis=1)
