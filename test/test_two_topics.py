@@ -239,6 +239,34 @@ def test_what_is_not_interpolated_is_not_said_to_be():
         assert united_said(record) == [], seed
 
 
+def turned_by_hand(seed, rest, turn, source_hz=0.0, hz=50.0):
+    """Return a session of rests and turns of these lengths, s; accelerations as held_at_once."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(10000) / hz
+    u = (t % (rest + turn) - rest) / turn
+    axes = rng.standard_normal((100, 3))[(t // (rest + turn)).astype(int)]
+    rate = 2 * (np.sin(np.pi * u) * (u > 0))[:, None] * axes
+    force = 9.8 * np.sin(np.cumsum(rate, axis=0) / hz)
+    gyro = rate + 2e-3 * rng.standard_normal(rate.shape)
+    if source_hz:
+        known = np.arange(0, t[-1] + 1, 1 / source_hz) - 0.004
+        taken = np.column_stack([np.interp(known, t, a) for a in force.T])
+        taken += 0.02 * rng.standard_normal(taken.shape)
+        accel = np.column_stack([np.interp(t, known, a) for a in taken.T])
+    else:
+        accel = force + 0.02 * rng.standard_normal(force.shape)
+    return ImuRecord(gyro=gyro, accel=accel, t=t, rate_hz=hz)
+
+
+def test_turns_are_not_taken_for_interpolation():
+    """Turns come as regularly as two clocks beat; at the rests an interpolation still shows."""
+    for seed in (0, 4):
+        assert united_said(turned_by_hand(seed, 2.5, 1.2)) == [], seed
+    for seed in (0, 1):
+        (said,) = united_said(turned_by_hand(seed, 4.0, 1.5, 36.5))
+        assert said.startswith('accel is interpolated') and '36.5 or 63.5 Hz' in said
+
+
 def test_stamps_in_bursts_do_not_make_interpolated_samples():
     """Stamps given nearly once a frame tell no slope; a coarse gyroscope repeats itself."""
     rng = np.random.default_rng(3)
