@@ -307,7 +307,8 @@ def test_what_eleven_spread_poses_support():
     c = core.calibrate(spread(rng, device, 11))
     assert c.problem.method == 'few'
     np.testing.assert_allclose(np.diag(c.S), np.diag(device.scale), atol=1e-3)
-    assert any(n.startswith('one more pose with') for n in c.notes)
+    assert any(n.startswith('one more pose with') and n.endswith(' better') for n in c.notes)
+    assert not any('be told' in n for n in c.notes)
 
 
 @pytest.mark.parametrize('n', daily([7, 8, 9, 11], 7, 9))

@@ -749,3 +749,20 @@ def test_absurd_values_are_missing_to_all_that_looks_at_samples():
     assert found.not_finite_axes == {'gyro_x': (len(record.gyro[::50]), 0.0)}
     assert not found.saturated and found.resolution['gyro_x'].step is None
     assert 'interpolated' not in said
+
+
+def test_what_moves_may_be_calibrated_or_filtered():
+    """Rests in six directions are a session; a record of motion can be filtered."""
+    rng = np.random.default_rng(4)
+    t = np.arange(6 * 700) / 100
+    ups = np.repeat(9.8 * np.vstack([np.eye(3), -np.eye(3)]), 700, axis=0)
+    turns = ((np.arange(len(t)) % 700 > 500) * np.sin(9 * t))[:, None] * [1.0, 0.7, 0.3]
+    gyro = turns + 1e-3 * rng.standard_normal(ups.shape)
+    record = ImuRecord(gyro=gyro, accel=ups + turns + 0.01 * rng.standard_normal(ups.shape), t=t,
+                       rate_hz=100.0)
+    assert examine(record).directions == 6
+    assert any('6 directions' in s and 'calibrate BAG' in s for s in examine(record).advice)
+    rocked = np.sin(3 * t)[:, None] * [1.0, 0.7, 0.3]
+    said = examine(ImuRecord(
+        gyro=gyro + rocked, accel=record.accel, t=t, rate_hz=100.0)).advice
+    assert any('filter BAG' in s for s in said) and not any('calibrate BAG' in s for s in said)

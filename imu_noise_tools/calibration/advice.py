@@ -11,7 +11,7 @@ import numpy as np
 
 from . import flexible, solve, telling
 from .effects import Regressor, Scatter
-from ..core.errors import FitError
+from ..core.errors import degrees_of_freedom, FitError
 from ..loop.effect import Finding, Fit, registry
 from ..loop.findings import rivals
 from ..loop.verdict import SURE
@@ -59,8 +59,8 @@ def _undecided(problem: CalibrationProblem, some: list[Any]) -> str:
     needs = dict.fromkeys(f.effect.needs for f in some if f.effect.needs)
     left = problem.fit(solve.base_model()).details.dof
     if sum(len(f.estimates) >= left for f in some) > 1:
-        return (f'{problem.poses.n} poses leave {left} degrees of freedom, which any of '
-                f'{", ".join(names)} explains: hold more poses, in other directions')
+        return (f'{problem.poses.n} poses leave {degrees_of_freedom(left)}, which '
+                f'any of {", ".join(names)} explains: hold more poses, in other directions')
     said = f'{names[0]} fits, but poses left out do not confirm it' if len(names) < 2 else \
         f'these poses cannot tell {" from ".join(names)}'
     kinds = [f.name for f in some if isinstance(f.effect, Regressor)]

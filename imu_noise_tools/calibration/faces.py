@@ -210,12 +210,13 @@ def condition(directions: np.ndarray) -> float:
     return float(s[0] / s[-1]) if len(s) == 6 and s[-1] > 1e-9 * s[0] else float('inf')
 
 
-def next_pose(directions: np.ndarray) -> str:
+def next_pose(directions: np.ndarray, solved: bool = False) -> str:
     """
-    Return in words the pose that would add most: which way up, and what it would let be told.
+    Return in words the pose that would add most: which way up, and what it would tell.
 
     Of faces, edges and corners the one that most improves the worst known combination of scale
     factors, biases and skew of the axes, beside poses of these directions (3, n), of length one.
+    Where it is ``solved`` these tell it already, if not as well.
 
     """
     best, gained = '', 0.0
@@ -231,7 +232,9 @@ def next_pose(directions: np.ndarray) -> str:
     k = int(np.argmax(np.abs(weak)))
     what = [f'scale factor and bias of {a}' for a in 'xyz'] * 2
     what += [f'the angle between {"xyz"[i]} and {"xyz"[j]}' for i, j in _PAIRS]
-    return f'one more pose with {best} up would let the {what[k].removeprefix("the ")} be told'
+    value = f'the {what[k].removeprefix("the ")}'
+    would = f'tell {value} better' if solved else f'let {value} be told'
+    return f'one more pose with {best} up would {would}'
 
 
 def _with_skew(directions):

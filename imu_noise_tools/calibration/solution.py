@@ -22,7 +22,7 @@ from .poses import FACES, nearest_face, Poses, unit
 from .positions import because, CONE_DEG, counted, faced, named, spread
 from .problem import CalibrationProblem
 from .turn_problem import off_axes, SCALE_STD, TurnsProblem
-from ..core.errors import FitError, InputError, listed
+from ..core.errors import degrees_of_freedom, FitError, InputError, listed
 from ..loop.diagnosis import diagnose
 from ..loop.effect import Fit, Model
 from ..loop.findings import fresh
@@ -319,16 +319,15 @@ def _refuse_little_spread(poses: Poses, notes) -> None:
 def _refuse_unsupported(poses: Poses, notes) -> list[str]:
     """Refuse poses whose magnitudes do not tell scale and bias; else say what one more adds."""
     directions = unit(poses.outputs)
-    more = faces.next_pose(directions)
     if faces.condition(directions) > _CONDITION:
         if all(name in FACES for name in poses.names):
             _refuse_missing_faces(poses.names, notes)
         raise InputError(f'the {poses.n} poses do not tell three scale factors and three biases'
-                         f'{because(notes)}', more)
+                         f'{because(notes)}', faces.next_pose(directions))
     missing = [f for f, k in counted(poses.names).items() if not k]
     said = [f'no pose has {", ".join(missing)} up; the others tell what these would'
             ] if missing else []
-    return [*said, more]
+    return [*said, faces.next_pose(directions, solved=True)]
 
 
 def _of_few(problem: CalibrationProblem, model: Model) -> tuple[Fit, list[str]]:
@@ -349,7 +348,7 @@ def _of_few(problem: CalibrationProblem, model: Model) -> tuple[Fit, list[str]]:
               if i < j and std[i, j] > _UNTOLD * SKEW * size]
     untold = [f'not observable from these poses: the angle between {listed(angles, 3)} (taken as '
               'right to within 2 deg)'] if angles else []
-    return fit, [*untold, more]
+    return fit, [*untold, faces.next_pose(unit(problem.poses.outputs), solved=True)]
 
 
 def _refuse_missing_faces(names, notes) -> None:
@@ -398,7 +397,7 @@ def _doubts(fit: Fit, method: str, tilt: float) -> list[str]:
     if dof and chdtrc(dof, x2) < 0.005:
         said.append('residuals are larger than noise '
                     f'{"" if method in MAGNITUDES else "and tilt "}explain: chi-squared '
-                    f'{x2:.0f} with {dof} degrees of freedom; diagnose says why')
+                    f'{x2:.0f} with {degrees_of_freedom(dof)}; diagnose says why')
     said += _turned_case(fit, 'the case')
     if method == 'faces':
         tilt = fit.details.tilt

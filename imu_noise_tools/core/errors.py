@@ -64,3 +64,8 @@ def listed(names: Sequence[str], most: int) -> str:
     """Return names in a line, and how many more there are than these."""
     more = f' and {len(names) - most} more' if len(names) > most else ''
     return ', '.join(names[:most]) + more
+
+
+def degrees_of_freedom(n: int) -> str:
+    """Return so many of them in words."""
+    return f'{n} degree{"" if n == 1 else "s"} of freedom'

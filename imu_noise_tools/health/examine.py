@@ -32,6 +32,7 @@ FOR_CHANCE = 1 << 20    # samples that tell how many do by chance
 # times what a random walk moves meanwhile: with all else that is asked, one reaches it in one axis
 # of a thousand (of 1e6 that were drawn 1069 did)
 WANDERS = 4.0
+POSES, APART_DEG = 6, 10.0    # directions that tell three scale factors and biases
 GRAVITY_OFF = 0.25      # more than local gravity and a good accelerometer's bias make, m/s^2
 
 
@@ -91,6 +92,7 @@ class Health:
     gravity: float | None               # |mean acceleration| of the longest stretch at rest, m/s^2
     units: tuple[str, ...]              # sentences: wrong unit suspected
     still: tuple[tuple[float, float], ...]      # stretches at rest of 2 s and more
+    directions: int                     # of gravity in these, 10 deg apart and more
     moving: float                       # share of the time in motion
     warm_up: tuple[str, ...]            # axes that still change at the beginning
     temperature: Mapping[str, tuple[float, float]]      # least and most, degrees C, by covariate
@@ -164,6 +166,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
+        directions=_directions(tidy, still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
         temperature={
@@ -174,6 +177,17 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         covariates=tuple(record.covariates),
     )
     return _with_advice(tidy, found)
+
+
+def _directions(record: ImuRecord, still: list[tuple[int, int]]) -> int:
+    """Return in how many directions gravity points in these ranges of samples."""
+    known: list[np.ndarray] = []
+    for a, b in still if record.accel is not None else ():
+        mean = finite_mean(record.accel[a:b])
+        up = mean / np.linalg.norm(mean)
+        if np.isfinite(up).all() and all(up @ u < np.cos(np.radians(APART_DEG)) for u in known):
+            known.append(up)
+    return len(known)
 
 
 def _damaged_fields(record: ImuRecord) -> dict[str, Any]:
@@ -325,6 +339,7 @@ def _length_advice(h: Health) -> list[str]:
                 f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}, and that is what '
                 'is analysed.'
             )
+        say += _of_motion(h)
     elif h.duration_s < 3600 and h.samples >= LEAST_SAMPLES:
         say.append(
             f'{_duration(h.duration_s)} show the white noise; bias instability takes an hour or '
@@ -332,6 +347,16 @@ def _length_advice(h: Health) -> list[str]:
             'random walk several.'
         )
     return say
+
+
+def _of_motion(h: Health) -> list[str]:
+    """Return sentences on what else than an analysis can be made of a record that moves."""
+    if h.directions >= POSES:
+        return [f'It rests in {h.directions} directions, as for a calibration: imu_noise '
+                'calibrate BAG.']
+    if h.moving > 0.5 and 'gyro' not in h.absent:
+        return ['Its rates can be filtered: imu_noise filter BAG.']
+    return []
 
 
 def _sample_advice(record: ImuRecord, h: Health) -> list[str]:

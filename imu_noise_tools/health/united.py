@@ -26,8 +26,8 @@ CLOSE = 0.1             # of the usual interval: stamps that came in one burst
 SEGMENT = 1 << 14       # samples of a periodogram: over longer, two clocks drift apart
 LINE = 15.0             # of the level around it: what of a spectrum is no noise
 BROAD = 1.3             # of the level: what is no line but a hump
-# Motion is a cubic over so many samples. What is left of a turn's ends, a knock or a step stands out
-# over so many samples by so many times the power where it is quiet; a slow beat makes 1.9 of it.
+# Motion is a cubic over so many samples. What is left of a turn's ends, a knock or a step stands
+# out over so many samples by so many times the power where it is quiet; slow beats make 1.9.
 CUBIC, AROUND, STANDS_OUT = 29, 64, 2.5
 QUIET = 0.1             # of a part: less tells nothing
 SHALLOW, DEEP = 0.1, 0.45       # depth of the first harmonic; 3 / pi^2 for white noise
@@ -127,10 +127,10 @@ def _squares(x: np.ndarray, quiet: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     """
     Return the periodogram of the squares of x (n, axes) where it is quiet (n, 1), without lines.
 
-    All parts of a record have it as high, however much of them is quiet, lest one outdoes the rest;
-    beside it (bins, axes) the square of what the squares sum up to (axes,), and by how much the
-    power of lines surpasses that of the rest (axes,). Of a line that stops where it is not quiet
-    (1 - share)^2 of the power stays, which may be a twentieth of the rest.
+    All parts of a record have it as high, however much of them is quiet, lest one outdoes the
+    rest; beside it (bins, axes) the square of what the squares sum up to (axes,), and by how much
+    the power of lines surpasses that of the rest (axes,). Of a line that stops where it is not
+    quiet (1 - share)^2 of the power stays, which may be a twentieth of the rest.
 
     """
     n, share, window = len(x), quiet.mean(), np.hanning(len(x))[:, None]

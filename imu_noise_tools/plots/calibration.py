@@ -29,6 +29,7 @@ from .style import (
 from ..calibration import Calibration, CalibrationProblem, of_study, Regressor, TurnsProblem
 from ..calibration.between import integrated, misses
 from ..calibration.poses import DIRECTIONS, unit
+from ..core.errors import degrees_of_freedom
 from ..loop.prediction import State
 from ..loop.study import Study
 
@@ -281,7 +282,7 @@ def _weighed(calibration):
     if calibration.problem.method == 'turns':       # their scatter is what chi-squared makes it
         turns = calibration.problem.data.n
         return f'{turns} turns between poses, and {poses.n - turns} rests'
-    return f'{poses.n} poses, χ² {details.chi2:.1f} with {details.dof} degrees of freedom'
+    return f'{poses.n} poses, χ² {details.chi2:.1f} with {degrees_of_freedom(details.dof)}'
 
 
 def pictures(study: Study, full: Sequence[str] = ()) -> dict[str, bytes]:
