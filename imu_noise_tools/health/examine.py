@@ -182,7 +182,9 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
 def _directions(record: ImuRecord, still: list[tuple[int, int]]) -> int:
     """Return in how many directions gravity points in these ranges of samples."""
     known: list[np.ndarray] = []
-    for a, b in still if record.accel is not None else ():
+    if record.accel is None:
+        return 0
+    for a, b in still:
         mean = finite_mean(record.accel[a:b])
         up = mean / np.linalg.norm(mean)
         if np.isfinite(up).all() and all(up @ u < np.cos(np.radians(APART_DEG)) for u in known):
