@@ -221,3 +221,21 @@ def test_a_solution_not_saved_is_saved_on_a_signal(solved):
     saved, = set(bench.file.parent.glob('*.yaml')) - before
     data = yaml.safe_load(saved.read_text())
     assert np.allclose(data['S'], S, atol=2e-3)
+
+
+@pytest.mark.thorough
+def test_stamps_that_stand_still_are_captured_by_arrival(keep):
+    """A driver that stamps nothing can be calibrated with, and is told of."""
+    ros, space = keep, keep.namespace()
+    node = ros.start('calibration', space)
+    ros.ready(node)
+    publisher = ros.publisher(f'{space}/imu/data_raw', Imu)
+    assert wait_for(lambda: publisher.get_subscription_count() == 1)
+    message = Imu()
+    for x, y in np.random.default_rng(8).normal(0, 0.01, (350, 2)).tolist():
+        message.angular_velocity.x, message.linear_acceleration.z = x, G + y
+        publisher.publish(message)
+        time.sleep(0.01)
+    success, answer = ros.trigger(f'{node.full}/capture')
+    assert success and answer['held'] == '+z', answer
+    assert node.text.count('the stamps do not advance') == 1

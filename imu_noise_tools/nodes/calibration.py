@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 import sys
 import threading
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
@@ -21,6 +22,7 @@ from .loop import Loop, MORE, serve
 from .params import Setting, Settings
 from .run import run, threads_executor
 from .saving import free
+from .times import ARRIVALS, Times
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..calibration import HOLD_S
 from ..core.errors import InputError
@@ -57,7 +59,7 @@ class Calibration(Node):
             p['sensor'], p['gravity'], p['rate_deg_s'] * DEG or None, p['turn_deg'] * DEG or None)
         self._lock = threading.Lock()           # samples come while a capture looks at them
         self._saved = True
-        self._start = self._samples = 0
+        self._samples, self._times, self._arrived = 0, Times(), time.monotonic_ns()
         self._status = self.create_publisher(DiagnosticArray, '~/calibration', result())
         self._output = self.create_publisher(
             Imu, 'imu/data_calibrated', live(), qos_overriding_options=overridable())
@@ -107,11 +109,16 @@ class Calibration(Node):
         samples = messages.samples(batch)
         if not len(samples):
             return
-        self._start = self._start or int(samples.stamps[0])
+        # messages read in one go came one by one since the last were
+        before, self._arrived = self._arrived, time.monotonic_ns()
+        arrivals = np.linspace(before, self._arrived, len(samples) + 1)[1:].astype(np.int64)
         with self._lock:
-            for stamp, gyro, accel in zip(
-                    ((samples.stamps - self._start) * 1e-9).tolist(), samples.gyro, samples.accel):
-                self._session.feed(stamp, gyro, accel)
+            for stamp, arrival, gyro, accel in zip(
+                    samples.stamps.tolist(), arrivals.tolist(), samples.gyro, samples.accel):
+                at = self._times.of(stamp, arrival, (*gyro.tolist(), *accel.tolist()))
+                self._session.feed(at * 1e-9, gyro, accel)
+        if self._times.standing:
+            self.get_logger().warning(f'{self._frame}: {ARRIVALS}', once=True)
         self._samples += len(samples)
         self._frame = samples.frame_id or self._frame
         corrections = self._session.corrections
@@ -186,9 +193,12 @@ class Calibration(Node):
         solutions = {c.sensor: c for c in (session.calibration, session.gyro) if c is not None}
         wanted, left = session.wanted, session.left
         text = f'left: {", ".join(left)}' if left else 'every face captured'
+        standing = self._times.standing
+        text += f'; {ARRIVALS}' * standing
         statuses = [messages.status('session', text, {
             'samples': self._samples, 'captured': len(wanted) - len(left), 'of': len(wanted),
-            'left': ' '.join(left), 'solved': bool(solutions)})]
+            'left': ' '.join(left), 'solved': bool(solutions)},
+            messages.WARN if standing else messages.OK)]
         for correction in session.corrections:
             unit = 'm/s^2' if correction.sensor == 'accel' else 'rad/s'
             matrix = {f'S_{"xyz"[i]}{"xyz"[j]} [1]': v
