@@ -139,8 +139,6 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     median = median_rate(tidy.t)
     drift = _drift(tidy)
     memory.rest()
-    damaged = _damaged_fields(record)
-    memory.rest()
     held = _equal(record, 1)
     alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
     memory.rest()
@@ -155,7 +153,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward, ahead=stamps.ahead,
         **_clock_fields(tidy, clock, _receive_clock(record)),
-        **damaged, received_after_s=_received_after(record),
+        **_damaged_fields(record), received_after_s=_received_after(record),
         stuck=tuple(a for a, stuck in each(is_constant).items() if stuck),
         saturated={a: sum(k for _, k in ends) for a, ends in clipped.items()},
         range_ends=clipped,
