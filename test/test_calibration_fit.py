@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.faces import polar
 from imu_noise_tools.calibration.linear import Equations
-from imu_noise_tools.core.errors import FitError, InputError, UsageError
+from imu_noise_tools.core.errors import degrees_of_freedom, FitError, InputError, UsageError
 from imu_noise_tools.plots.calibration import residuals
 from imu_noise_tools.plots.style import new_figure
 
@@ -420,3 +420,9 @@ def test_equations_of_a_fit_that_has_gone_astray_are_refused_in_words():
     astray = Equations(matrix, np.ones(6), np.zeros(6, int), keys, None)
     with pytest.raises(FitError, match='the fit diverges'):
         astray.theta
+
+
+def test_one_degree_of_freedom_is_one():
+    """Its word is counted like any other."""
+    assert degrees_of_freedom(1) == '1 degree of freedom'
+    assert degrees_of_freedom(3) == '3 degrees of freedom'
