@@ -186,8 +186,8 @@ def _limit(profile: _Profile, j: int, wide: float, here: Estimate) -> Estimate:
     """Return the estimate of an amplitude that may be nothing, ``wide`` a step in the search."""
     slot, model = profile.likelihood.slots[j], profile.likelihood.model
     bound = slot.bounds[1]
-    upper, hi = (slot.from_search(profile.highest(j, level, wide) or bound)
-                 for level in (CHI2_90, CHI2_95))
+    upper, hi = (slot.from_search(bound if end is None else end)
+                 for end in profile.highest(j, wide))
     hi = max(hi, upper)  # of a likelihood with two maxima the walks may end apart
     if _never_absent(model, slot.label) and here.value > SHOWN * hi:
         return replace(here, ci95=(0.0, hi), note=NOT_TOLD_FROM_DRIFT)
@@ -265,38 +265,44 @@ class _Profile:
                 starts.append(min(sizes, key=lambda x: self.likelihood.value(x)[0]))
         return self.deviance(j, float(none[j]), *starts)
 
-    def highest(self, j: int, level: float, step: float) -> float | None:
+    def highest(self, j: int, step: float) -> list[float | None]:
         """
-        Return the upper end of an amplitude that may be nothing, where the deviance has a level.
+        Return the 95 % limit of an amplitude that may be nothing, and the end of its interval.
 
         What little a record shows of it is in few coefficients. Of k of them the deviance goes
         farther down than up, and its level is that which chance exceeds below in chi-squared_k as
         often as in a normal distribution. None where it never comes to that.
 
         """
-        at = self.crossing(j, +1, level, step)
-        if at is None or not self.likelihood.slots[j].parameter.log:
-            return at
-        x = self.deviance(j, at, self.top)[1]
-        # ln sigma of k coefficients has an information of 2 k
-        count = 0.5 * float(marginal(self.likelihood.information(x), [j])[0, 0])
-        return self.crossing(j, +1, level_below(level, count), step)
+        levels = [CHI2_90, CHI2_95]
+        at = self.crossing(j, +1, levels[0], step)
+        if at is None:
+            return [None, None]
+        d, x = self.deviance(j, at, self.top)
+        if self.likelihood.slots[j].parameter.log:
+            # ln sigma of k coefficients has an information of 2 k
+            count = 0.5 * float(marginal(self.likelihood.information(x), [j])[0, 0])
+            levels = [level_below(level, count) for level in levels]
+        return [at if level <= d else self.crossing(j, +1, level, step, begin=(at, d, x))
+                for level in levels]
 
     def crossing(self, j: int, sign: int, level: float, step: float,
-                 without: np.ndarray | None = None) -> float | None:
+                 without: np.ndarray | None = None,
+                 begin: tuple[float, float, np.ndarray] | None = None) -> float | None:
         """
         Return where the deviance reaches a level on one side.
 
         None where it never does (a limit). The others may as well be near where they go
-        ``without`` it.
+        ``without`` it. The way may ``begin`` where it is known: there, its deviance and x.
 
         """
         others = () if without is None else (without,)
         lower, upper = self.likelihood.slots[j].bounds
         # downwards on a logarithmic scale there is nothing more to come after a few powers of ten
         reach = NOTHING if sign < 0 and self.likelihood.slots[j].parameter.log else np.inf
-        low, d_low, warm = self.top[j], 0.0, self.top
-        move = np.sqrt(level) * step
+        low, d_low, warm = begin or (self.top[j], 0.0, self.top)
+        wanted = np.sqrt(level)
+        move = (wanted - np.sqrt(d_low)) * step
         high = None
         for _ in range(16):
             at = float(np.clip(low + sign * move, lower, upper))
@@ -313,11 +319,12 @@ class _Profile:
         # The square root of the deviance is nearly a straight line; but where a step went far up a
         # wall the secant creeps, so every second try halves.
         for k in range(40):
-            a, b, c = np.sqrt(d_low), np.sqrt(d_high), np.sqrt(level)
-            share = 0.5 if k % 2 else np.clip((c - a) / max(b - a, 1e-12), 0.05, 0.95)
+            below = np.sqrt(d_low)
+            share = 0.5 if k % 2 else np.clip(
+                (wanted - below) / max(np.sqrt(d_high) - below, 1e-12), 0.05, 0.95)
             at = low + share * (high - low)
             d, found = self.deviance(j, at, warm, *others)
-            if abs(np.sqrt(d) - c) < 2e-3:
+            if abs(np.sqrt(d) - wanted) < 2e-3:
                 return at
             if d >= level:
                 high, d_high = at, d
