@@ -346,6 +346,15 @@ def in_a_row(some: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.diff(np.r_[False, some, False].astype(np.int8))).reshape(-1, 2)
 
 
+def longest_in_a_row(some: np.ndarray) -> tuple[int, int]:
+    """Return begin and end of the longest of these, the first of equals; (0, 0) of none."""
+    ends = in_a_row(some)
+    if not len(ends):
+        return 0, 0
+    begin, end = ends[int(np.argmax(ends[:, 1] - ends[:, 0]))].tolist()
+    return begin, end
+
+
 def whole_runs(same: np.ndarray) -> np.ndarray:
     """
     Return how many samples (k,) show each value that is seen to begin and to end.

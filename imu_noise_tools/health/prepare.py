@@ -29,6 +29,7 @@ from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import (
     AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of, SENSORS)
+from ..core.statistics import longest_in_a_row
 from ..core.stillness import handled_ends, longest_rest
 
 LEAST_SAMPLES = 100
@@ -214,12 +215,10 @@ def _alive(record: ImuRecord, screen: bool) -> ImuRecord:
     dead = standing(record)
     if not dead:
         return record
-    stops = np.zeros(record.n, bool)
+    alive = np.ones(record.n, bool)
     for one in dead:
-        stops[one.first:one.first + one.samples] = True
-    edges = np.r_[0, np.flatnonzero(np.diff(stops)) + 1, record.n].tolist()
-    begin, end = max(((a, b) for a, b in zip(edges, edges[1:]) if not stops[a]),
-                     key=lambda some: some[1] - some[0], default=(0, 0))
+        alive[one.first:one.first + one.samples] = False
+    begin, end = longest_in_a_row(alive)
     said = [s.in_words for s in dead]
     if not screen or end - begin < ALIVE * record.n:
         return record.warned(*(

@@ -13,6 +13,7 @@ import numpy as np
 from ..core.clipped import ends_in_words
 from ..core.clock import STAMPED_HZ
 from ..core.record import AXES, HUGE, ImuRecord, sensor_of
+from ..core.statistics import longest_in_a_row
 from ..core.stillness import finite_mean
 from ..core.units import ACCEL_UNITS
 
@@ -89,18 +90,14 @@ def standing(record: ImuRecord) -> list[Standing]:
     said = []
     for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
         x = record.column(axis)
-        begins = np.flatnonzero(np.r_[True, x[1:] != x[:-1]])
-        lengths = np.diff(np.r_[begins, len(x)])
-        if len(begins) < 2 or lengths.max() < STANDS:
-            continue
-        k = int(np.argmax(lengths))
-        if x[begins[k]] in (np.min(x), np.max(x)):
-            continue                        # at_the_end says it
-        run, others = int(lengths[k]), len(x) - int(lengths[k])
-        again = (others - (len(begins) - 1)) / max(others, 1)
+        same = x[1:] == x[:-1]
+        first, last = longest_in_a_row(same)
+        run, others = last - first + 1, len(x) - (last - first + 1)
+        if run < STANDS or not others or x[first] in (np.min(x), np.max(x)):
+            continue                        # at_the_end says the last of these
+        again = (int(np.count_nonzero(same)) - (run - 1)) / others
         if again < 0.5 and len(x) * again ** (run - 1) < BY_CHANCE:
-            first, last = (float(record.t[i]) for i in (begins[k], begins[k] + run - 1))
-            said.append(Standing(axis, int(begins[k]), run, first, last))
+            said.append(Standing(axis, first, run, float(record.t[first]), float(record.t[last])))
     return said
 
 

@@ -29,7 +29,7 @@ from ..core.errors import InputError
 from ..core.files import refuse_unwritable
 from ..core.units import DEG, G0, read_in
 from ..loop.study import Study
-from ..tasks.calibration import as_dict, assumed, doubts, FILE, Session
+from ..tasks.calibration import as_dict, assumed, doubts, FILE, place, Session
 
 _REMEDY = 'set the parameter file to a place that can be written'
 
@@ -82,7 +82,7 @@ class Calibration(Node):
         """Load what is there; refuse a file that is neither there nor can be made."""
         log, there = self.get_logger(), bool(file) and Path(file).exists()
         try:
-            refuse_unwritable(_path(file), _REMEDY)
+            refuse_unwritable(place(file or FILE), _REMEDY)
         except InputError as error:
             if file and not there:
                 raise
@@ -149,7 +149,7 @@ class Calibration(Node):
 
     def save(self) -> dict:
         """Write calibration.yaml."""
-        path = self._save(_path(self._settings['file']))
+        path = self._save(Path(self._settings['file'] or FILE))
         self._saved = True
         return {'file': str(path.resolve())}
 
@@ -171,7 +171,7 @@ class Calibration(Node):
     def finish(self) -> None:
         """Save a solution that was not, beside what is there."""
         if not self._saved:
-            path = self._save(free(_path(self._settings['file'])))
+            path = self._save(free(place(self._settings['file'] or FILE)))
             self.get_logger().info(f'saved {path}')
 
     def _adopt(self, study: Study) -> None:
@@ -210,12 +210,6 @@ class Calibration(Node):
                 correction.sensor, '; '.join(('solved' if solution else 'loaded', *doubts)),
                 {**matrix, **bias}, messages.WARN if doubts else messages.OK))
         return statuses
-
-
-def _path(file: str) -> Path:
-    """Return where a calibration is written: into a folder by its usual name."""
-    path = Path(file or FILE)
-    return path / FILE if path.is_dir() else path
 
 
 def main(args: list[str] | None = None) -> int:

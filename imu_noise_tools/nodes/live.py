@@ -194,7 +194,7 @@ class Stream:
                 self.missed += lost
                 said = f'{lost} samples are missing before sample {self.received + self.missed}'
             self._append(stamps, np.column_stack([gyro, accel]), arrivals)
-            if self.standing and not self._said:
+            if not self._said and self.standing:
                 self._said = True
                 said = self.standing
         return said

@@ -463,6 +463,12 @@ def apply_calibration(
     return written, tuple(warnings)
 
 
+def place(path: str | Path) -> Path:
+    """Return where a calibration is written: into a folder by its usual name."""
+    path = Path(path)
+    return path / FILE if path.is_dir() else path
+
+
 class Session(core.Session):
     """A person's session that can also be diagnosed, saved and loaded: what the node holds."""
 
@@ -555,8 +561,7 @@ class Session(core.Session):
         A session that is not solved is refused and nothing is written.
 
         """
-        path = Path(path)
-        path = path / FILE if path.is_dir() else path
+        path = place(path)
         files.atomic_write(path, store.dump_yaml(as_dict(self.study)))
         return path
 
