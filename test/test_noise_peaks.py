@@ -56,6 +56,18 @@ def fan():
     return problem_of(y)
 
 
+@pytest.mark.parametrize('f, width, told', [(10.0, 0.3, True), (10.0, 30.0, False)])
+def test_a_band_of_too_much_power_is_told_where_it_is_narrow(f, width, told):
+    """People look for what turns or swings there, whether or not a form of the library has it."""
+    rng, n = np.random.default_rng(4), 20_000
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += ringing(rng, n, f, width, 3.0)
+    problem = problem_of(y)
+    where = flexible.smooth_misfit(problem.evidence, problem.point(model_of('noise', BASE))).where
+    low, high = map(float, where.removesuffix(' Hz').split(' to ')) if told else (0.0, 0.0)
+    assert (f - 1 < low < f < high < f + 1) if told else not where, where
+
+
 @pytest.mark.thorough
 def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
     """Begun anew, two peaks exchanged their places, and each had left its intervals."""

@@ -558,6 +558,8 @@ def test_what_stands_for_something_else_is_no_number():
     ({'variance': '118 s', 'shape': ''}, ' Look at what was going on at 118 s.'),
     ({'time': '40 s', 'frequency': '61.3 Hz'},
      ' Look at what was going on at 40 s, and for what turns or swings at 61.3 Hz.'),
+    ({'shape': '182 to 201 Hz', 'frequency': '190 Hz', 'time': '40 s'},
+     ' Look for what turns or swings at 182 to 201 Hz.'),
     ({'sweep': '', 'frequency': '50 Hz'}, ' Look for what ran up or down while the line swept.')])
 def test_where_to_look_is_said_where_a_time_or_a_frequency_is_told(failed, said):
     assert where_to_look([Finding(k, 9.0, view=k, where=w) for k, w in failed.items()]) == said

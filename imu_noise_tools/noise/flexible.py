@@ -46,6 +46,7 @@ Differences: TypeAlias = list[tuple[np.ndarray, float]]
 QUIET_GAIN = 4.0
 # standard deviations of bins side by side, below which no narrow effect can: none is tried
 QUIET_PULL = 4.0
+MIDDLE = 0.05, 0.95     # of the power that is too much: between these it is in a band
 # coefficients for each gain, from which a half octave gets gains of its own
 ENOUGH = 4.0
 # how often gains that are free in every half octave gain so much by chance: what is more refutes
@@ -141,10 +142,12 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     f, x, w = spectrum_left(evidence, fit)
     gain = smooth_gain(x, w, np.log(f))
     used = min(len([s for s in (fit.details.slots if fit.details else ())]), KNOTS // 2)
-    where = _where(f, x, w)
+    narrow = _in_a_band(f, x, w)
+    where = f', too much power at {narrow}' if narrow else _where(f, x, w)
     return Finding('shape', gain, view='frequency',
                    p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
-                   evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}')
+                   evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}',
+                   where=narrow)
 
 
 def slow_misfit(evidence: Evidence, fit: Fit) -> Finding:
@@ -186,6 +189,18 @@ def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
             return False
         width *= 2
     return True
+
+
+def _in_a_band(f: np.ndarray, x: np.ndarray, w: np.ndarray) -> str:
+    """
+    Return the band in which nearly all power is that is too much, in words; else nothing.
+
+    No wider than an octave. f (b,) in Hz; x (b,) is measured over model power, w what it counts.
+
+    """
+    more = np.cumsum(w * np.maximum(x - 1, 0))
+    low, high = f[np.searchsorted(more, np.array(MIDDLE) * more[-1])]
+    return f'{low:.4g} to {high:.4g} Hz' if high <= 2 * low else ''
 
 
 def _where(f, x, w):

@@ -34,7 +34,7 @@ from ..loop.verdict import SURE
 NEAR = 2  # effects by which models may differ, so that the fit of one begins that of the other
 METHODS = ('likelihood', 'avar', 'slopes')
 #: views whose worst place is one to look at: of a distribution or of what axes share it is not
-PLACED = {'frequency': 'Hz', 'time': 's', 'variance': 's'}
+PLACED = {'frequency': 'Hz', 'shape': 'Hz', 'time': 's', 'variance': 's'}
 
 
 class NoiseProblem(Problem):
@@ -428,13 +428,15 @@ def where_to_look(failed: Sequence[Finding]) -> str:
     """
     Return at which times and at which frequency to look for what makes tests fail, if at any.
 
-    Where the form of the spectrum fails as well, what is missing is broad: its worst bin is no
-    place, and means of so long scatter otherwise than the model says at all times. So they do in
-    a slow course of the mean. A line that sweeps was at many frequencies.
+    Where the form of the spectrum fails as well, its worst bin is no place: what is missing is
+    broad, or the band that form names. Means of so long scatter otherwise than the model says
+    at all times then; so they do in a slow course of the mean. A line that sweeps was at many
+    frequencies.
 
     """
     names = {f.name for f in failed}
-    broad = {'frequency': {'shape', 'sweep'}, 'time': {'shape', 'course'}, 'variance': set()}
+    broad = {'frequency': {'shape', 'sweep'}, 'shape': {'sweep'}, 'time': {'shape', 'course'},
+             'variance': set()}
     told = [f for f in failed if f.where and f.name in PLACED and not names & broad[f.name]]
     times = list(dict.fromkeys(f.where for f in told if PLACED[f.name] == 's'))
     lines = [f.where for f in told if PLACED[f.name] == 'Hz']
