@@ -15,6 +15,7 @@ import json
 import os
 from pathlib import Path
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -184,6 +185,50 @@ def test_a_rung_that_raises_the_error_is_taken_back(tmp_path, analysed):
         assert steps[1]['fall'] < 0 < steps[2]['fall']
         assert data['targets'][target]['effects'] == entry['effects']
         assert data['targets'][target]['error'] == entry['error']
+
+
+STOPPED = '''
+import os
+import sys
+from imu_noise_tools.cli.main import main
+from imu_noise_tools.loop import study
+
+diagnose, first = study.diagnose, []
+
+
+def stopped(state, tried=()):
+    """Stop the process where the second target is begun."""
+    first.append(state.problem)
+    if state.problem is not first[0]:
+        os.kill(os.getpid(), int(sys.argv[1]))
+    return diagnose(state, tried)
+
+
+study.diagnose = stopped
+sys.exit(main(['diagnose', sys.argv[2], '--until-complete']))
+'''
+
+
+@pytest.mark.parametrize('number', [
+    signal.SIGKILL, *(pytest.param(n, marks=pytest.mark.thorough)
+                      for n in (signal.SIGTERM, signal.SIGINT))])
+def test_what_a_stopped_command_had_done_is_kept(tmp_path, analysed, number):
+    """The same command goes on from there, and ends where one that was not stopped does."""
+    study = shutil.copytree(analysed, tmp_path / 'study')
+    status = -number if number == signal.SIGKILL else 128 + number
+    done = subprocess.run([sys.executable, '-c', STOPPED, str(int(number)), str(study)],
+                          capture_output=True, timeout=300)
+    assert done.returncode == status, done.stderr.decode()[-500:]
+    kept = yaml.safe_load((study / 'study.yaml').read_text())
+    assert kept['diagnosis']['gyro_x']['found'] == [] and 'gyro_y' not in kept['diagnosis']
+    assert 'sinusoid' in kept['targets']['gyro_x']['effects']
+    assert not [p for p in study.iterdir() if p.name.startswith('.')], 'nothing half written'
+    said = run('diagnose', study, '--until-complete')
+    assert said.startswith('kept from before: gyro_x (')
+    whole = shutil.copytree(analysed, tmp_path / 'whole')
+    assert 'kept' not in run('diagnose', whole, '--until-complete')
+    assert (study / 'study.yaml').read_text() == (whole / 'study.yaml').read_text()
+    assert (study / 'allan.csv').read_text() == (whole / 'allan.csv').read_text()
 
 
 OWN = '''

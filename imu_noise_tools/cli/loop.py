@@ -41,7 +41,8 @@ def register(commands: Any) -> None:
     c.add_argument(
         '--until-complete',
         action='store_true',
-        help='add the best and diagnose again until nothing is missing',
+        help='add the best and diagnose again until nothing is missing; what is done is kept: '
+        'once stopped, the same command goes on from there',
     )
     common.si_option(c)
     common.output_options(c, 'the diagnosis')
@@ -195,19 +196,29 @@ def diagnose(args: argparse.Namespace) -> int:
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
 
-        def work(study):
+        def work(study, keep):
             if args.bag:
                 noise.look_again(study, args.bag, progress)
 
-            def told(target, step):
+            def told(target, step=None):
                 said = terminal.verdict(study, target, args.verbose, args.si) if step is None \
                     else terminal.rung(step)
                 common.say_at_once(said, progress)
 
-            run = study.complete if args.until_complete else study.diagnose
-            return run(progress=progress, told=None if args.json else told)
+            tell = None if args.json else told
+            if not args.until_complete:
+                return study.diagnose(progress=progress, told=tell)
+            # with effects or evidence that are new, what was settled may be no longer
+            settled = [] if args.bag or args.effects_from else study.settled
+            if settled and tell:
+                common.say_at_once(f'kept from before: {", ".join(settled)} (diagnose without '
+                                   '--until-complete looks at them anew)', progress)
+                for target in settled:
+                    tell(target)
+            return study.complete([t for t in study.targets if t not in settled],
+                                  progress=progress, told=tell, keep=keep)
 
-        study, _ = tasks.change(args.dir, work)
+        study, _ = tasks.change_by_steps(args.dir, work)
     if args.json:
         out = {'diagnosis': store.study_to_dict(study)['diagnosis']}
         if args.until_complete:

@@ -167,6 +167,11 @@ class Study:
         """Names of the targets."""
         return list(self.states)
 
+    @property
+    def settled(self) -> list[str]:
+        """Targets whose model has its verdict, which finds nothing more to add."""
+        return [t for t in self.states if t in self.diagnosis and not self.diagnosis[t].found]
+
     def chosen(self, targets: Iterable[str] | None) -> list[str]:
         """Return the targets that are named, all for None; raise UsageError for an unknown one."""
         if targets is None:
@@ -304,6 +309,7 @@ class Study:
     def complete(
         self, targets: Iterable[str] | None = None, most: int = 12,
         progress: Progress | None = None, told: Told | None = None,
+        keep: Callable[[], None] | None = None,
     ) -> list[Step]:
         """
         Diagnose and add until nothing more is found in any target; return all rungs.
@@ -312,7 +318,8 @@ class Study:
         where each of them raises something, all of it.
         A rung that raises the held-out deviance, or the printed error beyond what chance allows,
         is taken back, and what it added is not found again. ``told`` hears of each rung, and of
-        each last verdict.
+        each last verdict; ``keep`` is called where what there is may be written: after a rung
+        that stands, and after a last verdict.
 
         """
         steps: list[Step] = []
@@ -338,7 +345,11 @@ class Study:
                 if self._higher(t, before, rung):
                     climbed(self._taken_back(t, before, rung))
                     in_vain.append(names)
+                if keep:
+                    keep()
             self.diagnose([t])
+            if keep:
+                keep()
             if told:
                 told(t, None)
         return steps

@@ -27,11 +27,29 @@ def change(folder: str | Path, what: Callable[[Study], object]) -> tuple[Study, 
     Raise ChangedError where somebody else has changed it meanwhile: nothing is written then.
 
     """
+    return change_by_steps(folder, lambda study, _: what(study))
+
+
+def change_by_steps(
+    folder: str | Path, what: Callable[[Study, Callable[[], None]], object]
+) -> tuple[Study, object]:
+    """
+    Do as :func:`change` does, for what takes long: ``what`` may keep what it has by then.
+
+    Its second argument writes the study, which is then what a killed process leaves. Page and
+    pictures, which take longer, come at the end.
+
+    """
     seen = store.fingerprint(folder)
+
+    def keep() -> None:
+        nonlocal seen
+        seen = rewrite(folder, store.study_files(study), seen)
+
     study = store.load(folder)
     if study.source.get('sheet'):
         raise InputError(f'{folder}: a data sheet, no measurement', 'analyse a record of the unit')
-    result = what(study)
+    result = what(study, keep)
     rewrite(folder, outputs(study, folder), seen)
     return study, result
 
