@@ -356,7 +356,8 @@ class Study:
         found = {t: self.study.diagnosis[t] for t in names}
         return Table({'target': t, 'verdict': d.verdict,
                       'found': ' + '.join(f.name for f in d.found),
-                      'evidence': '; '.join(f.evidence for f in d.found if f.evidence),
+                      'evidence': '; '.join(f.evidence for f in d.found or d.failed
+                                            if f.evidence),
                       'advice': d.advice} for t, d in found.items())
 
     def add(self, effects: str | Iterable[str] | None = None,

@@ -15,6 +15,7 @@ import re
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,8 +23,10 @@ import numpy as np
 import pytest
 
 from imu_noise_tools import report, store
+from imu_noise_tools.calibration.problem import CalibrationProblem
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.filter.problem import FilterProblem
 from imu_noise_tools.loop import study as loop_study
 from imu_noise_tools.loop.diagnosis import Diagnosis, Remaining
 from imu_noise_tools.loop.effect import (
@@ -551,15 +554,37 @@ def test_what_stands_for_something_else_is_no_number():
         assert words.parameters_of(found, 'accel_x') == said.removeprefix(', ')
 
 
+@pytest.mark.parametrize('domain', ['noise', 'calibration', 'filter'])
+def test_where_nothing_explains_it_what_fails_is_said_once(domain, study):
+    problem = study.states['gyro_x'].problem
+    if domain != 'noise':
+        problem = SimpleNamespace(share=1.0, refuting=lambda names: None)
+        study = other_study(domain)
+    target = study.targets[0]
+    failed = (Finding('frequency', 0.0, view='frequency', p_value=1e-9, where='38 Hz',
+                      evidence='8.4 standard errors too much'),)
+    near = Finding('ramp', 9.0, penalty=5.0, against='nothing in the mean speaks for it')
+    face = {'noise': NoiseProblem, 'calibration': CalibrationProblem, 'filter': FilterProblem}
+    advice = face[domain].advice(problem, 'unknown', [near], list(failed))
+    study.diagnosis[target] = Diagnosis('unknown', (near,), failed, advice, (),
+                                        Remaining(failed, nearest=near))
+    for text in (report.terminal.verdict(study, target),
+                 Page(report.html(study, {})).text.split('why we think so')[1]):
+        text = ' '.join(text.split())
+        assert text.count(failed[0].evidence) == text.count('Nearest comes ramp') == 1
+        assert advice[1:] in text
+    assert 'standard errors' not in advice and 'no known effect' not in advice
+
+
 @pytest.mark.parametrize(('failed', 'said'), [
     ({'distribution': ''}, ''),
     ({'coherence': '', 'shape': '', 'frequency': '25 Hz', 'time': '132 s'}, ''),
-    ({'frequency': '61.3 Hz'}, ' Look for what turns or swings at 61.3 Hz.'),
-    ({'variance': '118 s', 'shape': ''}, ' Look at what was going on at 118 s.'),
+    ({'frequency': '61.3 Hz'}, 'Look for what turns or swings at 61.3 Hz.'),
+    ({'variance': '118 s', 'shape': ''}, 'Look at what was going on at 118 s.'),
     ({'time': '40 s', 'frequency': '61.3 Hz'},
-     ' Look at what was going on at 40 s, and for what turns or swings at 61.3 Hz.'),
+     'Look at what was going on at 40 s, and for what turns or swings at 61.3 Hz.'),
     ({'shape': '182 to 201 Hz', 'frequency': '190 Hz', 'time': '40 s'},
-     ' Look for what turns or swings at 182 to 201 Hz.'),
-    ({'sweep': '', 'frequency': '50 Hz'}, ' Look for what ran up or down while the line swept.')])
+     'Look for what turns or swings at 182 to 201 Hz.'),
+    ({'sweep': '', 'frequency': '50 Hz'}, 'Look for what ran up or down while the line swept.')])
 def test_where_to_look_is_said_where_a_time_or_a_frequency_is_told(failed, said):
     assert where_to_look([Finding(k, 9.0, view=k, where=w) for k, w in failed.items()]) == said

@@ -12,7 +12,7 @@ import numpy as np
 from . import flexible, solve, telling
 from .effects import Regressor, Scatter
 from ..core.errors import degrees_of_freedom, FitError
-from ..loop.effect import Finding, Fit, registry
+from ..loop.effect import Fit, registry
 from ..loop.findings import rivals
 from ..loop.verdict import SURE
 
@@ -27,8 +27,7 @@ _FOLLOWED = {'direction': _OF_INPUT, 'own': _OF_INPUT,
                      'hold the first faces again at the end'}
 
 
-def advise(problem: CalibrationProblem, verdict: str, ranked: list[Any],
-           failed: list[Finding]) -> str:
+def advise(problem: CalibrationProblem, verdict: str, ranked: list[Any]) -> str:
     """Return one sentence: what to do next, and which poses would tell what these cannot."""
     if verdict == 'missing':
         doubt = _doubt(problem, ranked)
@@ -41,8 +40,7 @@ def advise(problem: CalibrationProblem, verdict: str, ranked: list[Any],
         if course is not None:
             return (f'no known effect explains it, but {course.followed(problem.target)} and no '
                     f'scatter: {_FOLLOWED[course.of]}; until then intervals are too narrow')
-        return ('no known effect explains it: ' + '; '.join(f.evidence for f in failed)
-                + '; look at these poses and hold them again')
+        return 'look at these poses and hold them again'
     hidden = problem.blind(problem.fit(solve.base_model()))
     said = 'nothing is missing' + (
         f'; these poses could not show {", ".join(name for name, _, _ in hidden)}'

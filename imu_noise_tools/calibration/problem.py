@@ -480,7 +480,7 @@ class CalibrationProblem(Problem):
 
     def advice(self, verdict: str, ranked: list[Any], failed: list[Finding]) -> str:
         """Return one sentence: what to do next, and which poses would tell what these cannot."""
-        return advise(self, verdict, ranked, failed)
+        return advise(self, verdict, ranked)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return everything as plain arrays by name, for an npz file: the poses' and more."""

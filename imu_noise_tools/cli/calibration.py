@@ -122,7 +122,8 @@ def _show(c: Any, data: Any, source: Any) -> None:
     print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
           f'freedom')
     found = data['diagnosis']
-    print(f'  {found["verdict"]}: {found["advice"]}')
+    fails = [f['evidence'] for f in found['failed']] if found['verdict'] == 'unknown' else []
+    print(f'  {found["verdict"]}: {"; ".join([*fails, found["advice"]])}')
 
 
 def solved(folder: str, targets: Collection[str]) -> str:

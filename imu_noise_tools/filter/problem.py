@@ -335,9 +335,7 @@ class FilterProblem(Problem):
             return said if self.share > MOST_OF else \
                 f'{said}, but {self.share:.0%} of the samples were judged'
         if verdict == 'unknown':
-            return 'something fails that no known effect explains: ' + '; '.join(
-                f.evidence for f in failed[:2]
-            )
+            return ''
         names = ' or '.join(f.name for f in ranked[:2])
         return (
             f'{names}: record longer, at rest and in the motion in question apart from each other'

@@ -128,7 +128,12 @@ class Problem(ABC):
         return {}
 
     def advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
-        """Return what to do next, in a sentence or two."""
+        """
+        Return what to do next, in a sentence or two; '' where there is nothing to say.
+
+        What fails, and what comes nearest, is said beside it.
+
+        """
         return ''
 
     def leave(self, model: Model) -> str:

@@ -238,11 +238,15 @@ def diagnosis(target: str, entry: Mapping) -> DiagnosticStatus:
     named = [f['effect'] for f in found] or (
         [best['effect']] if best and entry['verdict'] == 'undecidable' else [])
     text = f'{entry["verdict"]}: {", ".join(named)}' if named else entry['verdict']
+    failed = remaining.get('failed', ())
+    # where nothing has a name it is what fails that is seen
+    evidence = best.get('evidence') if named or not failed else '; '.join(
+        f['evidence'] for f in failed)
     values = {'verdict': entry['verdict'], 'found': ', '.join(f['effect'] for f in found) or None,
-              'remaining': ', '.join(f['test'] for f in remaining.get('failed', ())) or None,
+              'remaining': ', '.join(f['test'] for f in failed) or None,
               'sufficient': entry.get('sufficient'), 'best': best.get('effect'),
               'gain [nat]': best.get('gain'), 'probability [1]': best.get('probability'),
-              'evidence': best.get('evidence'), 'advice': entry.get('advice') or None}
+              'evidence': evidence, 'advice': entry.get('advice') or None}
     level = WARN if entry['verdict'] in ('missing', 'unknown') else OK
     return status(target, text, values, level)
 

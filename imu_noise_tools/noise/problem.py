@@ -347,10 +347,7 @@ class NoiseProblem(Problem):
                                  if isinstance(f.effect, NoiseEffect))
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
-            where = '; '.join(f'{f.name}: {f.evidence}' for f in failed)
-            near = next((f for f in ranked if f.gain > f.penalty and f.against), None)
-            nearest = f' Nearest comes {near.name}, but {near.against}.' if near else ''
-            return f'No known effect explains it ({where}).{nearest}{where_to_look(failed)}'
+            return where_to_look(failed)
         found = [f.effect for f in ranked if verdict == 'missing' and not f.against
                  and (f.probability or 0.0) >= SURE]
         return ' '.join(dict.fromkeys(filter(None, (
@@ -443,4 +440,4 @@ def where_to_look(failed: Sequence[Finding]) -> str:
     said = [f'at what was going on at {" and at ".join(times)}'] if times else []
     said += [f'for what turns or swings at {lines[0]}'] if lines else []
     said += ['for what ran up or down while the line swept'] if 'sweep' in names else []
-    return f' Look {", and ".join(said)}.' if said else ''
+    return f'Look {", and ".join(said)}.' if said else ''

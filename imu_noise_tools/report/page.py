@@ -264,7 +264,8 @@ def _diagnosis(target: str, d: Diagnosis, shown: Mapping[str, bytes]) -> str:
               f'{f.gain:.1f}', f'{f.penalty:.1f}', escape(words.parameters_of(f, target)),
               escape(f'{f.evidence}; against it: {f.against}' if f.against else f.evidence))
              for f in d.ranked)))
-    out.append(bullets(escape(words.failed_in_words(f)) for f in d.failed))
+    if d.remaining is None or d.remaining.failed != d.failed:       # else they are said below
+        out.append(bullets(escape(words.failed_in_words(f)) for f in d.failed))
     for name in dict.fromkeys(f.name for f in d.found or d.ranked[:1]):
         full = shown.get(f'found {target} {name}')
         if full is not None:
