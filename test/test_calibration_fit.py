@@ -17,7 +17,7 @@ from imu_noise_tools import calibration as core
 from imu_noise_tools.calibration.faces import polar
 from imu_noise_tools.calibration.linear import Equations
 from imu_noise_tools.core.errors import degrees_of_freedom, FitError, InputError, UsageError
-from imu_noise_tools.plots.calibration import residuals
+from imu_noise_tools.plots.calibration import before_and_after, residuals
 from imu_noise_tools.plots.style import new_figure
 
 DEG = np.pi / 180
@@ -327,6 +327,25 @@ def test_few_poses_in_any_directions(n):
         assert c.problem.method == 'few' and c.fit.details.dof == n - 6
     assert np.abs(pulls).max() < 4 and 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.5
     assert np.mean(said) > 0.9 if n < 9 else np.mean(said) < 0.3
+
+
+@pytest.mark.parametrize('of, met', [(6, True), (-7, True), (-9, True), (-11, False),
+                                     (12, False)])
+def test_a_residual_that_is_met_by_construction_is_no_error(of, met):
+    """Of six faces, or of as many directions as coefficients, what is left is rounding."""
+    rng, left = np.random.default_rng(48), []
+    for _ in range(5):
+        device = sim.Device.drawn(rng, upper=True)
+        c = core.calibrate(six(rng, device, times=of // 6), 'faces') if of > 0 else \
+            core.calibrate(spread(rng, device, -of), 'norm' if of < -11 else 'few')
+        left.append(np.linalg.norm(c.apply(c.poses.outputs.T), axis=1) - sim.G)
+        assert ('residual_rms' not in c.problem.summary(c.fit)) == met
+    assert (np.sqrt(np.mean(np.square(left))) < 0.1 * device.noise) == met
+    ax = before_and_after(new_figure(4, 4).add_subplot(), c)
+    assert any('whatever they say' in t.get_text() for t in ax.texts) == met
+    shown = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert any(s.startswith('calibrated') for s in shown) == (not met)
+    assert len(ax.lines) == (2 if met else 4), 'no point is drawn of it'
 
 
 def test_too_few_poses_say_what_they_do_not_tell():

@@ -182,6 +182,18 @@ class Equations:
         own = np.diag(self.cov)
         return np.sqrt(1 + more / np.where(own > 0, own, np.inf))
 
+    def left_of_noise(self) -> np.ndarray:
+        """
+        Return which part of its variance the residual of each pose keeps, (n,).
+
+        It is that of what is known best of a pose, as its magnitude is where it may be tilted. 0
+        where the coefficients meet it whatever it is.
+
+        """
+        u = self._decomposed[0]
+        best = [np.linalg.svd(w)[0][:, 0] for w in self.whitener]
+        return np.array([1 - np.sum((v @ u[self.pose == k]) ** 2) for k, v in enumerate(best)])
+
     def left_out(self) -> LeftOut:
         """Return how well each pose is predicted by all the others (closed form, by leverage)."""
         u = self._decomposed[0]

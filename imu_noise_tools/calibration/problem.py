@@ -18,7 +18,7 @@ from .advice import advise, HIDES, scatter_in_words
 from .effects import Drift, Regressor, Scatter
 from .linear import equations, LeftOut, MAGNITUDES, tilt_of, whitened
 from .poses import Poses, unit
-from ..core.errors import FitError, UsageError
+from ..core.errors import degrees_of_freedom, FitError, UsageError
 from ..loop.effect import (
     Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View)
 from ..loop.problem import Problem
@@ -27,6 +27,7 @@ from ..loop.verdict import FLEXIBLE, FLEXIBLE_SHARE
 _CHANCE = 0.005
 _HIDDEN = 10.0          # times as wide, from which a value holds only without an effect (a choice)
 _UNKNOWN = 0.1          # of gravity, or of a scale: known no better, it is not known
+_MET = 0.01             # of the variance of noise, left in what is met whatever it is (a choice)
 _SAME = 'looks the same as what is already in the model'
 _PROMISING = 0.05       # candidates below this p-value are fitted, so that they have values
 
@@ -174,8 +175,18 @@ class CalibrationProblem(Problem):
         """Return rms of the residuals and of the errors of poses left out, and chi-squared."""
         rms = [float(np.sqrt(np.mean(np.sum(np.square(e), axis=0)))) for e in
                (fit.details.residual, self.left_out(fit).outputs().T)]
-        return {'residual_rms': rms[0], 'left_out_rms': rms[1], 'chi_squared': fit.details.chi2,
+        residual = {} if self.meets_any(fit) else {'residual_rms': rms[0]}
+        return {**residual, 'left_out_rms': rms[1], 'chi_squared': fit.details.chi2,
                 'dof': float(fit.details.dof)}
+
+    def meets_any(self, fit: Fit) -> bool:
+        """
+        Tell whether as many coefficients as poses meet the magnitudes whatever these are.
+
+        Nothing of noise is left in them then: how well they are met says nothing.
+
+        """
+        return self._free and bool(np.mean(fit.details.equations.left_of_noise()) < _MET)
 
     def left_out(self, fit: Fit) -> LeftOut:
         """Return each pose as the others predict it."""
@@ -186,8 +197,8 @@ class CalibrationProblem(Problem):
         system, left = fit.details.equations, self.left_out(fit)
         total = self._chi2_tail(fit)
         found = [Finding('chi_squared', 0.0, p_value=total, view='poses',
-                         evidence=f'chi-squared {system.chi2:.1f} with {system.dof} degrees of '
-                                  f'freedom')]
+                         evidence=f'chi-squared {system.chi2:.1f} with '
+                                  f'{degrees_of_freedom(system.dof)}')]
         tail = self._log_tail(fit, left)
         k = int(np.argmin(tail))
         found.append(Finding(

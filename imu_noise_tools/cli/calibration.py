@@ -107,6 +107,8 @@ def calibrate(args: argparse.Namespace) -> int:
 
 def _show(c: Any, data: Any, source: Any) -> None:
     """Print what one sensor came to."""
+    from ..core.errors import degrees_of_freedom
+
     held = (f'{c.problem.data.n} turns between {c.problem.data.rests.n} rests'
             if c.problem.method == 'turns' else f'{c.poses.n} poses, {c.problem.method}')
     print(f'{c.sensor}: {held}'
@@ -119,8 +121,7 @@ def _show(c: Any, data: Any, source: Any) -> None:
         print(f'  {_beside(c)}')
     if 'left_out_deg' in data:
         print(f'  turns left out miss gravity by {data["left_out_deg"]:.2f} deg rms')
-    print(f'  chi-squared {c.fit.details.chi2:.1f} with {c.fit.details.dof} degrees of '
-          f'freedom')
+    print(f'  chi-squared {c.fit.details.chi2:.1f} with {degrees_of_freedom(c.fit.details.dof)}')
     found = data['diagnosis']
     fails = [f['evidence'] for f in found['failed']] if found['verdict'] == 'unknown' else []
     print(f'  {found["verdict"]}: {"; ".join([*fails, found["advice"]])}')

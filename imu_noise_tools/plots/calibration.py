@@ -88,10 +88,16 @@ def _magnitudes(ax, calibration, x):
     ax.bar(x, value, 0.6, color=AXES['x'], label='residual of the magnitude')
     ax.errorbar(x, np.zeros(len(x)), 2 * size, fmt='none', ecolor=MEASURED, elinewidth=0.8,
                 capsize=2, label='±2 standard errors')
-    if len(x) <= len(calibration.fit.details.keys):
-        ax.text(0.5, 0.06, 'no more poses than coefficients: they are met whatever they say',
-                transform=ax.transAxes, ha='center', fontsize=SMALL, color=MEASURED)
+    if calibration.problem.meets_any(calibration.fit):
+        _met(ax, 0.04)
     return calibration.problem.unit
+
+
+def _met(ax, y, more=''):
+    """Say at a height of an axes why what is left says nothing, and what ``more`` follows."""
+    ax.text(0.5, y, f'no more poses than coefficients: they are met whatever they say{more}',
+            transform=ax.transAxes, ha='center', fontsize=SMALL, color=MEASURED,
+            bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85, 'pad': 1})
 
 
 def _turns(ax, calibration, x):
@@ -210,25 +216,30 @@ def _lambert(u, sign):
 
 def before_and_after(ax: Axes, calibration: Calibration) -> Axes:
     """Draw the error of each pose or turn, as it came and corrected; return the axes."""
-    if calibration.problem.method == 'turns':
+    problem, met = calibration.problem, False
+    if problem.method == 'turns':
         error, floor = _missed(calibration)
         title, unit_ = 'how far turns miss gravity', 'angle, °'
     else:
         error, floor = _of_magnitudes(calibration)
-        title, unit_ = 'error of the magnitude', readable(calibration.problem.unit)
+        met = problem.meets_any(calibration.fit)
+        title, unit_ = 'error of the magnitude', readable(problem.unit)
         unit_ = f'{"| |f| − g |" if calibration.sensor == "accel" else "| |ω| − true |"}, {unit_}'
     x = 1 + np.arange(len(error[0]))
+    if met:     # what is left is rounding
+        error = error[:1]
+        _met(ax, 0.8, ',\nso what is left once calibrated says nothing')
     for value, colour, name in zip(error, (FAINT, EFFECTS[0]), ('as it came', 'calibrated')):
         rms = float(np.sqrt(np.mean(value ** 2)))
         ax.plot(x, np.maximum(value, floor), 'o', markersize=4, color=colour,
                 label=f'{name}: {rms:.2g} rms')
         ax.axhline(max(rms, floor), color=colour, linewidth=1, linestyle='--')
-    ax.set_yscale('log')
-    dress(ax, f'{title}, before and after', 'turn' if calibration.problem.method == 'turns' else
-          'pose', unit_)
+    ax.set_yscale('linear' if met else 'log')
+    when = 'as it came' if met else 'before and after'
+    dress(ax, f'{title}, {when}', 'turn' if problem.method == 'turns' else 'pose', unit_)
     ax.xaxis.set_major_locator(_whole_numbers())
     low, high = ax.get_ylim()
-    ax.set_ylim(low, high * (high / low) ** 0.25)
+    ax.set_ylim(*((0, 1.3 * high) if met else (low, high * (high / low) ** 0.25)))
     ax.legend(fontsize=SMALL, frameon=False, loc='upper right', ncol=2)
     return ax
 
