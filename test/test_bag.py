@@ -44,6 +44,7 @@ from imu_noise_tools.bag.mcap_writer import McapWriter
 from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
 from imu_noise_tools.bag.sqlite_writer import SqliteWriter
 from imu_noise_tools.core.errors import InputError, UsageError
+from imu_noise_tools.core.units import G0
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE1 = get_typestore(Stores.ROS1_NOETIC)
@@ -633,9 +634,22 @@ def test_units_and_kinds(tmp_path):
         open_record(whole, input_kind='integrated').gyro, r.gyro[1:], atol=1e-9
     )
     assert open_record(path, rate_hz=50.0).duration_s == pytest.approx(2 * r.duration_s)
+    for unit, size in (('1/131deg/s', np.radians(1) / 131), ('0.00106', 0.00106),
+                       ('1.06e-3 rad/s', 0.00106), ('.5 mdeg/s', np.radians(0.5e-3))):
+        counts = open_record(path, gyro_unit=unit)
+        np.testing.assert_allclose(counts.gyro, size * r.gyro)
+        assert counts.input_unit == {'gyro': unit}
+    np.testing.assert_allclose(open_record(path, accel_unit='0.061mg').accel,
+                               0.061e-3 * G0 * r.accel)
     for wrong in (
         {'gyro_unit': 'rpm'},
         {'accel_unit': 'gal'},
+        {'gyro_unit': '1/0deg/s'},
+        {'gyro_unit': '-1/131deg/s'},
+        {'accel_unit': '0g'},
+        {'accel_unit': 'nan'},
+        {'accel_unit': '1/16384deg/s'},
+        {'gyro_unit': '131/'},
         {'input_kind': 'sum'},
         {'rate_hz': -1.0},
     ):

@@ -692,6 +692,46 @@ def test_a_unit_is_doubted_alike_by_every_command(gyro, accel, said, tmp_path, c
         assert 'rate                  50 Hz' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('ppm, late, said', [
+    (0.0, 0.0, 'none found against the receiver (below '),
+    (0.0, 1e-3, 'none found against the receiver (below '),
+    (40.0, 1e-4, '40.')])
+def test_a_drift_of_the_clock_is_said_as_far_as_it_is_told(ppm, late, said, tmp_path, capsys):
+    """Rounding is none: 4e-11 ppm was printed of receive times that are the stamps."""
+    r = bad_input.still(200)
+    delay = late * np.random.default_rng(2).exponential(size=r.n)
+    received = r.t * (1 - 1e-6 * ppm) + 0.25 + delay
+    path = write_bag(tmp_path / 'x.bag', replace(r, receive_t=received))
+    assert main(['inspect', str(path)]) == 0
+    (line,) = (x for x in capsys.readouterr().out.split('\n') if x.startswith('clock drift'))
+    assert line.removeprefix('clock drift').strip().startswith(said)
+    assert (' ± ' in line) == bool(ppm)
+
+
+def test_what_is_never_at_rest_has_no_longest_rest():
+    r = bad_input.still(70)
+    turning = 3 * np.sin(2 * np.pi * 0.7 * r.t)[:, None]
+    (said,) = (a for a in examine(replace(r, gyro=r.gyro + turning)).advice if 'moves' in a)
+    assert '(it is nowhere at rest)' in said
+
+
+def test_counts_are_read_by_what_one_is(tmp_path, capsys):
+    """As `inspect` says it; nonsense is wrong usage, in one line."""
+    r = bad_input.still(70)
+    path = write_bag(tmp_path / 'x.csv', replace(
+        r, gyro=np.round(np.degrees(r.gyro) * 131), accel=np.round(r.accel / G0 * 16384)))
+    assert main(['inspect', str(path)]) == 0
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'raw counts' in said and '--accel-unit 1/16384g' in said
+    options = ['--gyro-unit', '1/131deg/s', '--accel-unit', '1/16384g']
+    assert main(['inspect', str(path), *options]) == 0
+    said = capsys.readouterr().out
+    assert 'raw counts' not in said and 'rest       9.8' in said
+    for wrong in ('131/deg', '0', '-1/131deg/s', '1/131g'):
+        assert main(['inspect', str(path), f'--gyro-unit={wrong}']) == 2
+        assert capsys.readouterr().err.count('\n') == 1
+
+
 def test_what_is_not_finite_is_told_by_axis(tmp_path, capsys):
     """How many, and when the first; the refusal says it, too."""
     r = bad_input.still(70)
@@ -723,14 +763,14 @@ def test_a_record_that_is_too_short_to_tell_says_so():
 
 
 def test_raw_counts_are_told_as_such():
-    """Whole numbers are in no unit that could be given; a rate in deg/s is."""
+    """Of whole numbers it is asked what one is; a rate in deg/s has its unit."""
     rng = np.random.default_rng(1)
     gyro, accel = 40 * rng.standard_normal((6000, 3)), 20 * rng.standard_normal((6000, 3))
     accel[:, 2] += 16384
     t = np.arange(6000) / 200
     both = wrong_units(ImuRecord(np.round(gyro), np.round(accel), t, 200.0))
-    assert len(both) == 2 and all(
-        'look like raw counts: multiply' in s and '--' not in s for s in both)
+    assert len(both) == 2 and all('look like raw counts: say what one is' in s for s in both)
+    assert both[0].endswith('--accel-unit 1/16384g') and both[1].endswith('--gyro-unit 1/131deg/s')
     (said,) = wrong_units(ImuRecord(gyro, None, t, 200.0))
     assert said.endswith('--gyro-unit deg/s')
     (said,) = too_fast(ImuRecord(np.round(4 * gyro), None, t, 200.0))

@@ -333,7 +333,7 @@ def test_health_of_a_good_record():
         0,
     )
     assert h.rate_hz == pytest.approx(100) == h.median_rate_hz
-    assert h.clock_drift_ppm == pytest.approx(-200, rel=0.05)
+    assert h.clock_drift_ppm == pytest.approx(-200, rel=0.05) and h.clock_drift_std_ppm < 1e-3
     assert h.receive_rate_hz == pytest.approx(99.98, rel=1e-4)
     assert (
         h.gravity == pytest.approx(9.81, abs=0.02)

@@ -18,7 +18,7 @@ from .tables import read_table, table_kind, table_size
 from .topics import choose, every, list_topics, TopicInfo
 from ..core.errors import ImuNoiseError, unknown, UsageError
 from ..core.record import ImuRecord, Memory
-from ..core.units import ACCEL_UNITS, GYRO_UNITS, INPUT, SI
+from ..core.units import SI, to_si
 
 KINDS = ('rate', 'delta', 'integrated')
 
@@ -47,7 +47,8 @@ def open_record(
     topic : str, optional
         The Imu topic, or a pair ``gyro_topic,accel_topic``; needed only where there are several.
     gyro_unit, accel_unit : str, optional
-        Unit of the data where it is not SI: ``deg/s``, ``mdeg/s``; ``g``, ``mg``.
+        Unit of the data where it is not SI: ``deg/s``, ``mdeg/s``; ``g``, ``mg``; or what one
+        count is, ``1/131deg/s`` (:func:`imu_noise_tools.core.units.to_si`).
     input_kind : str
         ``rate``; ``delta``: each sample is an increment (rad, m/s); ``integrated``: the angle or
         velocity itself.
@@ -81,8 +82,9 @@ def open_record(
         An unknown unit or kind.
 
     """
-    _check(gyro_unit, GYRO_UNITS, 'gyro')
-    _check(accel_unit, ACCEL_UNITS, 'accel')
+    for sensor, unit in (('gyro', gyro_unit), ('accel', accel_unit)):
+        if unit is not None:
+            to_si(sensor, unit)         # what is wrong is said before anything is read
     if input_kind not in KINDS:
         raise unknown('kind of input', input_kind, KINDS)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0):
@@ -141,18 +143,13 @@ def imus(path: str | Path, fields: str | None = None) -> list[str]:
             raise error.after(*bag.warnings)
 
 
-def _check(unit: str | None, known: dict[str, float], sensor: str) -> None:
-    if unit is not None and unit not in known:
-        raise unknown(f'{sensor} unit', unit, known)
-
-
 def _in_si(record: ImuRecord, gyro_unit: str | None, accel_unit: str | None) -> ImuRecord:
     units = {'gyro': gyro_unit, 'accel': accel_unit}
     said = {s: unit for s, unit in units.items()
             if unit is not None and getattr(record, s) is not None}
     for sensor, unit in said.items():
         stated = record.input_unit.get(sensor, SI[sensor])     # what it was read in already
-        if (factor := INPUT[sensor][unit] / INPUT[sensor][stated]) != 1.0:
+        if (factor := to_si(sensor, unit) / to_si(sensor, stated)) != 1.0:
             data = getattr(record, sensor)
             data *= factor
     return replace(record, input_unit={**record.input_unit, **said})

@@ -12,6 +12,9 @@ import json
 import sys
 from typing import Any
 
+from . import completion
+from ..core.units import A_COUNT, INPUT
+
 
 class Terminated(KeyboardInterrupt):
     """A signal that asks to end: it unwinds as Ctrl-C does, so that nothing is left half."""
@@ -77,14 +80,19 @@ def unit_options(command: argparse.ArgumentParser) -> None:
 
 def gyro_unit_option(command: argparse.ArgumentParser, default: str = 'rad/s') -> None:
     """Add ``--gyro-unit``; None where it is not given."""
-    command.add_argument('--gyro-unit', choices=('rad/s', 'deg/s'),
-                         help=f'unit of the gyroscope data (default: {default})')
+    _unit_option(command, 'gyro', f'unit of the gyroscope data, deg/s or {A_COUNT["gyro"]} of '
+                 f'raw counts (default: {default})')
 
 
 def accel_unit_option(command: argparse.ArgumentParser, default: str = 'm/s^2') -> None:
     """Add ``--accel-unit``; None where it is not given."""
-    command.add_argument('--accel-unit', choices=('m/s^2', 'g', 'mg'),
-                         help=f'unit of the accelerometer data (default: {default})')
+    _unit_option(command, 'accel', f'unit of the accelerometer data, g, mg or {A_COUNT["accel"]} '
+                 f'of raw counts (default: {default})')
+
+
+def _unit_option(command: argparse.ArgumentParser, sensor: str, said: str) -> None:
+    option = command.add_argument(f'--{sensor}-unit', metavar='U', help=said)
+    completion.offer(option, lambda args: INPUT[sensor])
 
 
 def units_of(args: argparse.Namespace) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from ..core.clock import PATTERNS
 from ..health.values import where_not_finite
 from ..loop.effect import Effect, Parameter
 from ..report.terminal import table, width
+from ..report.words import significant
 
 
 def unit_of(parameter: Parameter) -> str:
@@ -167,6 +168,13 @@ def inspection(found: Any, others: Iterable[Any] = (), names: Iterable[str] = ()
     return '\n'.join(out)
 
 
+def _drift(ppm: float, std: float) -> str:
+    """Return a drift of the clock and its standard error, ppm, as far as it is one."""
+    if abs(ppm) < 2 * std:
+        return f'none found against the receiver (below {2 * std:.1g} ppm)'
+    return f'{significant(ppm, std)} ± {std:.1g} ppm against the receiver'
+
+
 def _health(found) -> list[str]:
     """Return the health of one stream, line by line."""
     h = found.health
@@ -185,7 +193,7 @@ def _health(found) -> list[str]:
         f'{hertz(h.receive_rate_hz)})',
     )
     if h.clock_drift_ppm is not None:
-        line('clock drift', f'{h.clock_drift_ppm:.3g} ppm against the receiver')
+        line('clock drift', _drift(h.clock_drift_ppm, h.clock_drift_std_ppm))
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
     jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''

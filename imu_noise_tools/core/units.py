@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 import math
+import re
 
-from .errors import InputError
+from .errors import InputError, UsageError
 
 _SI = {
     'gyro': {'rate': 'rad/s', 'slope': 'rad/s^2', 'integral': 'rad'},
@@ -25,18 +26,60 @@ DEG = math.pi / 180
 G0 = 9.80665
 HOUR = 3600.0
 SI = {sensor: names['rate'] for sensor, names in _SI.items()}
-#: what samples may come in: factor to SI
+#: what samples may come in: factor to SI; :func:`to_si` knows counts as well
 GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
 ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
 INPUT = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS}
 
+_NUMBER = r'((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)'
+_COUNT = re.compile(rf'{_NUMBER}\s*(?:/\s*{_NUMBER})?\s*(.*)')
+#: what a count is, as data sheets say it: 131 LSB/(deg/s), 16384 LSB/g
+A_COUNT = {'gyro': '1/131deg/s', 'accel': '1/16384g'}
+
+
+def to_si(sensor: str, unit: str) -> float:
+    """
+    Return the factor to SI of the unit that samples come in.
+
+    Parameters
+    ----------
+    sensor : str
+        ``gyro`` or ``accel``.
+    unit : str
+        One of :data:`INPUT`, or what one count of a raw output is: a number or a fraction, and a
+        unit (none: SI), as ``0.061mg`` or ``1/131deg/s``.
+
+    Raises
+    ------
+    UsageError
+        It is neither, or not above zero.
+
+    """
+    known = INPUT[sensor]
+    if unit in known:
+        return known[unit]
+    found = _COUNT.fullmatch(unit.strip())
+    if found is None or (found[3] or SI[sensor]) not in known:
+        raise UsageError(
+            f'unknown {sensor} unit: {unit}', f'choose from {", ".join(known)}, or say what one '
+            f'count is, e.g. {A_COUNT[sensor]}')
+    size, parts = float(found[1]), float(found[2] or 1)
+    factor = size / parts * known[found[3] or SI[sensor]] if parts else math.inf
+    if not (0 < factor < math.inf):
+        raise UsageError(f'invalid {sensor} unit: {unit}', 'what a count is must be above zero')
+    return factor
+
 
 def not_si(stated: object, where: str) -> dict[str, str]:
     """Return what is not SI of units by sensor that a file states; InputError: none is known."""
-    if not isinstance(stated, dict) or any(
-            str(unit) not in INPUT.get(sensor, {}) for sensor, unit in stated.items()):
+    try:
+        if not isinstance(stated, dict) or not set(stated) <= set(INPUT):
+            raise ValueError
+        for sensor, unit in stated.items():
+            to_si(sensor, str(unit))
+    except (ValueError, UsageError):
         raise InputError(f'{where}: input_unit {stated} is not known',
-                         'e.g. {accel: g, gyro: deg/s}')
+                         'e.g. {accel: g, gyro: deg/s}') from None
     return {sensor: unit for sensor, unit in stated.items() if unit != SI[sensor]}
 
 

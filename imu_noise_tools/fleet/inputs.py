@@ -16,7 +16,7 @@ from typing import Any
 
 from . import extra
 from ..core.errors import InputError, UsageError
-from ..core.units import INPUT
+from ..core.units import to_si
 
 BAGS = ('.bag', '.mcap', '.db3', '.npz')        # what a directory is searched for
 METADATA = 'metadata.yaml'                      # makes a directory a rosbag2
@@ -136,9 +136,10 @@ def _bag(path: str, facts: Mapping[str, str], where: str) -> Bag:
         day(factors[DATE], where)
     units = {k: facts[k] for k in UNITS if facts.get(k)}
     for name, unit in units.items():
-        if unit not in INPUT[UNITS[name]]:
-            raise InputError(f'{where}: {unit!r} is no {name}',
-                             f'one of {", ".join(INPUT[UNITS[name]])}')
+        try:
+            to_si(UNITS[name], unit)
+        except UsageError as error:
+            raise InputError(f'{where}: {unit!r} is no {name}', error.remedy) from None
     size, stamp = _Place(path).stat()
     return Bag(path, facts.get('unit') or _stem(path), facts.get('model', ''),
                facts.get('topic', ''), factors, size, stamp, units)

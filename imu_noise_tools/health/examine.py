@@ -27,6 +27,7 @@ from ..core.units import G0
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
 APART = 60.0    # s: no driver is so late
+STEP = 1e-9     # s: what stamps are written in
 HELD = 0.02     # share of samples that repeat the one before, from which it is said
 FOR_CHANCE = 1 << 20    # samples that tell how many do by chance
 # times what a random walk moves meanwhile: with all else that is asked, one reaches it in one axis
@@ -55,7 +56,8 @@ class Health:
     What :func:`examine` found.
 
     Rates are in Hz, times in s, ``start`` of the record being 0; shares are of all samples.
-    ``clock_drift_ppm`` is by how much the stamps' clock runs faster than that of the receiver.
+    ``clock_drift_ppm`` is by how much the stamps' clock runs faster than that of the receiver,
+    with its standard error.
 
     """
 
@@ -67,6 +69,7 @@ class Health:
     labelled_rate_hz: float | None
     receive_rate_hz: float | None
     clock_drift_ppm: float | None
+    clock_drift_std_ppm: float | None
     gaps: int
     longest_gap_s: float
     missing: int
@@ -137,7 +140,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
     median = median_rate(tidy.t)
-    drift = _drift(tidy)
+    drift, drift_std = _drift(tidy)
     memory.rest()
     held = _equal(record, 1)
     alike = max((_equal(record, k, FOR_CHANCE) for k in FAR), default=0.0) if held > HELD else 0.0
@@ -149,7 +152,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         median_rate_hz=median,
         mean_rate_hz=(tidy.n - 1) / tidy.duration_s if tidy.duration_s > 0 else None,
         labelled_rate_hz=record.labelled_rate_hz,
-        clock_drift_ppm=drift,
+        clock_drift_ppm=drift, clock_drift_std_ppm=drift_std,
         duplicates=stamps.repeated + stamps.duplicate,
         backward=stamps.backward, ahead=stamps.ahead,
         **_clock_fields(tidy, clock, _receive_clock(record)),
@@ -230,24 +233,25 @@ def _received_after(record: ImuRecord) -> float | None:
     return float(np.nanmedian(record.receive_t[:FOR_CHANCE] - record.t[:FOR_CHANCE]))
 
 
-def _drift(record: ImuRecord) -> float | None:
+def _drift(record: ImuRecord) -> tuple[float | None, float | None]:
     """
-    Return how much faster the stamps' clock is than the receiver's, ppm.
+    Return how much faster the stamps' clock is than the receiver's, ppm, and its standard error.
 
     The least delayed samples of each part tell it.
 
     """
     if record.receive_t is None or record.n < 100 or np.array_equal(record.receive_t, record.t):
-        return None
+        return None, None
     parts = np.array_split(np.arange(record.n), 20)
     delay = record.receive_t - record.t
     best = np.array([p[np.argmin(delay[p])] for p in parts])
-    slope = (
-        np.polyfit(record.t[best] - record.t[0], delay[best], 1)[0]
-        if np.ptp(record.t[best]) > 0
-        else 0.0
-    )
-    return float(-slope * 1e6)
+    t, late = record.t[best] - np.mean(record.t[best]), delay[best] - np.mean(delay[best])
+    span = float(t @ t)
+    if not span > 0:
+        return None, None
+    slope = float(t @ late) / span
+    left = float(np.sum((late - slope * t) ** 2)) / (len(t) - 2)
+    return -1e6 * slope, 1e6 * float(np.sqrt((left + STEP ** 2) / span))
 
 
 def resolution(x: np.ndarray) -> Resolution:
@@ -331,7 +335,8 @@ def _length_advice(h: Health) -> list[str]:
     if h.rate_hz is None:
         say.append('The stamps give no rate: give one with --rate-hz.')
     if h.moving > 0 and h.samples >= LEAST_SAMPLES:
-        rest = f'the longest rest is {h.longest_still_s:.3g} s'
+        rest = (f'the longest rest is {h.longest_still_s:.3g} s' if h.longest_still_s
+                else 'it is nowhere at rest')
         if h.longest_still_s < LEAST_REST_S:
             say.append(f'The IMU moves ({rest}): for the noise, {RECORDING}.')
         else:

@@ -15,7 +15,7 @@ from ..core.clock import STAMPED_HZ
 from ..core.record import AXES, HUGE, ImuRecord, sensor_of
 from ..core.statistics import longest_in_a_row
 from ..core.stillness import finite_mean
-from ..core.units import ACCEL_UNITS
+from ..core.units import A_COUNT, to_si
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
@@ -23,8 +23,6 @@ FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
 PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit than s
 SUSPECTED = 'wrong unit suspected'
-COUNTS = ('; these look like raw counts: multiply them by the scale in the sensor\'s data sheet '
-          '(m/s^2 or rad/s for a count)')
 STANDS = 100             # equal samples in a row that may be a dead axis
 BY_CHANCE = 1e-9        # of a record: how likely so many are equal in one of noise alone
 
@@ -139,13 +137,18 @@ def suspected(warnings: Iterable[str]) -> list[str]:
 
 
 def _converted_twice(g: float, unit: str | None) -> str:
-    if unit and 7 <= g / ACCEL_UNITS[unit] <= 12.5:
+    if unit and 7 <= g / to_si('accel', unit) <= 12.5:
         return f'; it is in m/s^2 already, not in {unit}: use --accel-unit m/s^2'
     return ''
 
 
+def _counts(sensor: str) -> str:
+    return ('; these look like raw counts: say what one is by the sensor\'s data sheet, e.g. '
+            f'--{sensor}-unit {A_COUNT[sensor]}')
+
+
 def _likely_gyro(data: np.ndarray) -> str:
-    return COUNTS if _are_whole(data) else '; if it is in deg/s, use --gyro-unit deg/s'
+    return _counts('gyro') if _are_whole(data) else '; if it is in deg/s, use --gyro-unit deg/s'
 
 
 def _are_whole(data: np.ndarray) -> bool:
@@ -161,7 +164,7 @@ def _likely_accel(g: float, record: ImuRecord) -> str:
     if 700 <= g <= 1300:
         return '; if it is in mg, use --accel-unit mg'
     if g > 100 or record.accel is not None and g > 12.5 and _are_whole(record.accel):
-        return COUNTS
+        return _counts('accel')
     if 9 <= g * record.rate_hz <= 10.5:
         return ('; times the rate it is: these look like increments (m/s, rad for each sample), '
                 'which analyse --delta takes')

@@ -27,7 +27,7 @@ from .run import run
 from .times import ARRIVALS, Times
 from .topics import ImuInput, live, overridable, result, STEADY
 from ..core.errors import InputError
-from ..core.units import GYRO_UNITS, read_in
+from ..core.units import read_in, to_si
 from ..filter.design import AUTO
 from ..filter.engine import designed, Engine
 from ..filter.evaluate import Innovations
@@ -93,7 +93,7 @@ class Filter(Node):
 
     def _read_in(self, unit: str) -> None:
         """Take rates in this unit from now on; what is published is rad/s."""
-        self._factor = GYRO_UNITS[unit]
+        self._factor = to_si('gyro', unit)
         if self._factor != 1:
             for said in read_in({'gyro': unit}, 'as the model\'s recording was'):
                 self.get_logger().info(said)

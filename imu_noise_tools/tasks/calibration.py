@@ -20,7 +20,7 @@ from ..core import files
 from ..core.clipped import stays
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
-from ..core.units import DEG, INPUT, not_si, read_in, SI
+from ..core.units import DEG, not_si, read_in, SI, to_si
 from ..health import in_motion, Selection, unit_doubts
 from ..loop.study import Study
 
@@ -486,7 +486,7 @@ class Session(core.Session):
     @input_unit.setter
     def input_unit(self, units: Mapping[str, str]) -> None:
         self._input_unit = dict(units)
-        self._factor = {s: INPUT[s][units.get(s, SI[s])] for s in SI}
+        self._factor = {s: to_si(s, units.get(s, SI[s])) for s in SI}
 
     def in_si(self, gyro: Any, accel: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return (gyro, accel), (3,) or (n, 3) each, in SI: they come in ``input_unit``."""
