@@ -10,8 +10,11 @@ from scipy.signal import butter, cheby2, ellip, firwin, freqz, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of
+from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.study import assess
 from imu_noise_tools.noise.effects.digital_filter import _cosines, BENDS, DigitalFilter
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.tasks.noise import analyse_record
 
 RATE = 200.0
@@ -85,6 +88,22 @@ def test_cosines_are_those_of_the_spectrum():
     effect = DigitalFilter({'cutoff': 40.0, **dict(zip(BENDS, rng.normal(0, 0.3, len(BENDS))))})
     power = 3.0 * effect.gain2(bins.f, bins.dt)
     np.testing.assert_allclose(_cosines(bins, power)[1:], [effect[b] for b in BENDS], atol=1e-6)
+
+
+@pytest.mark.parametrize('taps', [
+    firwin(63, 0.3, window=('kaiser', 12)),
+    pytest.param(butter(10, 0.3), marks=pytest.mark.thorough)], ids=['FIR', 'Butterworth 10'])
+def test_a_deep_stop_band_leaves_the_error_its_scatter(taps):
+    """By chance it was up to 1e20, and nothing failed: ln L is no parabola there."""
+    b, a = taps if isinstance(taps, tuple) else (taps, 1.0)
+    white = np.random.default_rng(1).standard_normal((24_400, 3))
+    gyro = 1e-3 * lfilter(b, a, white, axis=0)[400:]
+    record = ImuRecord(gyro, None, np.arange(24_000) / 400.0, 400.0)
+    evidence = gather(record, ['gyro_x', 'gyro_y'])['gyro_x']
+    model = model_of('noise', ['white', 'digital_filter'])
+    error = assess(NoiseProblem(evidence), model, intervals=False).error
+    assert 'frequency' in error.failing and error.excess > 10, 'a filter so steep has no such form'
+    assert error.std < 0.2 and error.views['frequency'].std < 0.3
 
 
 @pytest.mark.thorough

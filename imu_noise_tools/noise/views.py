@@ -49,6 +49,7 @@ TAKEN = 3.0  # coefficients that a line takes: frequency, amplitude and phase
 # what is tried of a peak in one half: times the power that the other half, or the whole, gives it
 LOUDER = np.append(0.0, np.geomspace(1e-3, 1e3, 121))
 # times the power beside it: of a peak that has less in one half the whole record tells the form
+UNFORESEEN = 10.0  # times what ln L as a parabola makes a draw cost: of usual noise up to 7
 FAINT = 0.1
 
 
@@ -259,6 +260,9 @@ def parameter_scatter(
     scale, where the information says next to nothing); a truth of v' in place of v costs sum w
     (v'/v - ln(v'/v) - 1).
 
+    Where ln L is no parabola, as in a deep stop band, a draw by it may be one that no data allow:
+    it is taken back along its ray until it costs what the parabola says, its squared length.
+
     """
     if not fit.details or not fit.details.slots:
         return 0.0
@@ -269,17 +273,19 @@ def parameter_scatter(
         return 0.0
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    root = vectors / np.sqrt(np.maximum(values, 1e-4)) / 1.0
+    root = vectors / np.sqrt(np.maximum(values, 1e-4))
     rng = np.random.default_rng(0)
     x0 = np.array([s.to_search(fit.model[s.label][s.parameter.name]) for s in likelihood.slots])
     lower, upper = np.array([s.bounds for s in likelihood.slots]).T
     total = 0.0
     for _ in range(draws):
-        step = np.clip((root @ rng.standard_normal(len(slots))) / scale, -1, 1)
+        z = rng.standard_normal(len(slots))
+        step = np.clip((root @ z) / scale, -1, 1)
         drawn = np.clip(x0 + step[spectral], np.minimum(lower, x0), np.maximum(upper, x0))
         w, _ = likelihood.spectra(likelihood.with_search(drawn))
         r = w / v
-        total += float(np.sum(weight * (r - np.log(r) - 1))) ** 2
+        cost, foreseen = float(np.sum(weight * (r - np.log(r) - 1))), float(z @ z)
+        total += (cost if cost <= UNFORESEEN * foreseen else foreseen) ** 2
     return total / draws
 
 
