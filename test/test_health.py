@@ -806,3 +806,17 @@ def test_what_moves_may_be_calibrated_or_filtered():
     said = examine(ImuRecord(
         gyro=gyro + rocked, accel=record.accel, t=t, rate_hz=100.0)).advice
     assert any('filter BAG' in s for s in said) and not any('calibrate BAG' in s for s in said)
+
+
+def test_inspect_says_what_is_there_as_people_do(tmp_path, capsys):
+    """No scatter that is rounding, no 1e+04 s, and why not in place of a path."""
+    r = bad_input.still(200)
+    lines = []
+    for k, one in enumerate((r, replace(r, gyro=r.gyro + np.sin(4 * r.t)[:, None]))):
+        path = write_bag(tmp_path / f'{k}.npz', one)
+        assert main(['inspect', str(path)]) == 0
+        out = capsys.readouterr().out
+        lines.append({x[:22].strip(): x[22:] for x in out.split('\n') if len(x) > 22})
+    assert lines[0]['stamps'].endswith('jitter none')
+    assert lines[0]['can be analysed'].endswith(' samples, 3.33 min at rest')
+    assert lines[1]['can be analysed'].startswith('no: the IMU moves; ')

@@ -60,7 +60,8 @@ def _undecided(problem: CalibrationProblem, some: list[Any]) -> str:
         return (f'{problem.poses.n} poses leave {degrees_of_freedom(left)}, which '
                 f'any of {", ".join(names)} explains: hold more poses, in other directions')
     said = f'{names[0]} fits, but poses left out do not confirm it' if len(names) < 2 else \
-        f'these poses cannot tell {" from ".join(names)}'
+        (f'these poses cannot tell {names[0]} from {names[1]}' if len(names) == 2 else
+         f'these poses cannot tell {", ".join(names[:-1])} and {names[-1]} apart')
     kinds = [f.name for f in some if isinstance(f.effect, Regressor)]
     return '; '.join(filter(None, (
         said, _to_record(problem, kinds, list(needs)), _unsettled(problem, kinds))))

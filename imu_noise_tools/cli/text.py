@@ -13,6 +13,7 @@ from typing import Any
 from ..core import units
 from ..core.clipped import ends_in_words
 from ..core.clock import PATTERNS
+from ..health.examine import STEP
 from ..health.values import where_not_finite
 from ..loop.effect import Effect, Parameter
 from ..report.terminal import table, width
@@ -168,6 +169,15 @@ def inspection(found: Any, others: Iterable[Any] = (), names: Iterable[str] = ()
     return '\n'.join(out)
 
 
+def _jitter(seconds: float | None) -> str:
+    """Return the scatter of stamps, none where it is less than they are written in."""
+    if seconds is None:
+        return 'unknown'
+    if seconds < STEP:
+        return 'none'
+    return f'{1e6 * seconds:.3g} us' if seconds < 1e-3 else f'{1e3 * seconds:.3g} ms'
+
+
 def _drift(ppm: float, std: float) -> str:
     """Return a drift of the clock and its standard error, ppm, as far as it is one."""
     if abs(ppm) < 2 * std:
@@ -195,11 +205,10 @@ def _health(found) -> list[str]:
     if h.clock_drift_ppm is not None:
         line('clock drift', _drift(h.clock_drift_ppm, h.clock_drift_std_ppm))
     line('gaps', f'{h.gaps}, {h.missing} samples missing, the longest {h.longest_gap_s:.3g} s')
-    jitter = 'unknown' if h.jitter_s is None else f'{1e6 * h.jitter_s:.3g} us'
     look = f'{PATTERNS[h.stamps]}; ' if h.stamps else ''
-    ahead = f'set ahead {h.ahead} time(s), ' if h.ahead else ''
+    ahead = f'set ahead {units.times(h.ahead)}, ' if h.ahead else ''
     line('stamps', f'{look}{h.duplicates} duplicate, {h.backward} backward, {ahead}jitter '
-                   f'{jitter}')
+                   f'{_jitter(h.jitter_s)}')
     if h.received:
         line('receive times', PATTERNS[h.received])
     bad = where_not_finite(h.not_finite_axes)

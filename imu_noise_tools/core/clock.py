@@ -20,6 +20,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from .statistics import in_a_row, median_sigma, middle_sigma, quantile_sigma, row_medians
+from .units import times
 
 SCALES = (8, 16, 32, 64, 128, 256, 512, 1024)    # samples in a block whose level is followed
 SURE = 12.0             # scatters of the levels that a loss has to be
@@ -110,7 +111,7 @@ class SampleClock:
         if len(self.steps):
             most = float(self.steps[np.argmax(np.abs(self.steps[:, 1])), 1])
             said.append(
-                f'the stamps step {len(self.steps)} time(s) against the samples, by up to '
+                f'the stamps step {times(len(self.steps))} against the samples, by up to '
                 f'{most:.3g} s: their clock was set; the samples go on evenly'
             )
         return tuple(said)

@@ -141,6 +141,11 @@ def duration(seconds: float) -> str:
     return f'{seconds / 60:.3g} min' if seconds < 7200 else f'{seconds / 3600:.3g} h'
 
 
+def times(n: int, what: str = 'time') -> str:
+    """Return how many of something there are: 1 time, 2 times."""
+    return f'{n} {what}{"" if n == 1 else "s"}'
+
+
 def date(start: float) -> str:
     """Return date and time of a stamp, s since 1970; empty where it counts from elsewhere."""
     return datetime.fromtimestamp(start, timezone.utc).strftime('%Y-%m-%d %H:%M UTC') \

@@ -22,7 +22,7 @@ from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import AXES, HUGE, ImuRecord, Memory, sensor_of
 from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, still_stretches
-from ..core.units import G0
+from ..core.units import G0, times
 
 # the first twentieth is off by so many times the scatter of those of the second half
 WARM_UP = 5.0
@@ -296,8 +296,8 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
     say = _length_advice(h)
     if h.gaps:
         say.append(
-            f'{_count(h.missing, "sample")} {"was" if h.missing == 1 else "were"} lost in '
-            f'{_count(h.gaps, "gap")} (the longest of {h.longest_gap_s:.3g} s): record fewer '
+            f'{times(h.missing, "sample")} {"was" if h.missing == 1 else "were"} lost in '
+            f'{times(h.gaps, "gap")} (the longest of {h.longest_gap_s:.3g} s): record fewer '
             'topics, to a faster disk, or with a larger queue.'
         )
     if h.duplicates or h.backward:
@@ -306,7 +306,7 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             'the clock.'
         )
     if h.ahead:
-        say.append(f'The clock of the stamps was set ahead {_count(h.ahead, "time")}, which the '
+        say.append(f'The clock of the stamps was set ahead {times(h.ahead)}, which the '
                    'receive times do not show: later samples follow on.')
     say += [*_stamp_advice(h), *_sample_advice(record, h)]
     if h.warm_up:
@@ -434,12 +434,8 @@ def _stamp_advice(h: Health) -> list[str]:
     if h.resolvable > 1:
         say.append(f'Fewer than {h.resolvable} samples lost in a row would not show.')
     if h.clock_steps:
-        say.append(f'The clock of the stamps was set {h.clock_steps} time(s) within the record.')
+        say.append(f'The clock of the stamps was set {times(h.clock_steps)} within the record.')
     return say
-
-
-def _count(n: int, what: str) -> str:
-    return f'{n} {what}' if n == 1 else f'{n} {what}s'
 
 
 def _long(seconds: float) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.clock import regular_rate
 from ..core.record import ImuRecord, Memory
+from ..core.units import times
 
 SWAPPED_S = 2.0         # messages overtake each other by no more, s
 SCATTERED = 0.01        # share of stamps that fall from which on no clock is set back so often
@@ -84,16 +85,17 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         said.append(f'{found.not_finite} sample(s) without a stamp were dropped')
     if found.backward and found.swapped:
         record = record.taken(np.argsort(record.t, kind='stable'), memory)
-        said.append(f'{found.backward} backward stamp(s): the samples were put in order')
+        said.append(f'{times(found.backward, "backward stamp")}: the samples were put in order')
     elif found.backward:
         record = replace(record, t=_going_on(record.t))
         said.append(
-            f'{found.backward} backward stamp(s): the clock was set back, later samples follow on'
+            f'{times(found.backward, "backward stamp")}: the clock was set back, later samples '
+            'follow on'
         )
     leaps = _set_ahead(record)
     if len(leaps):
         record = replace(record, t=_as_received(record, leaps))
-        said.append(f'the clock was set ahead {len(leaps)} time(s), which the receive times do '
+        said.append(f'the clock was set ahead {times(len(leaps))}, which the receive times do '
                     'not show: later samples follow on')
     if found.repeated:
         step = np.diff(record.t)
@@ -104,7 +106,8 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         said.append(f'{found.repeated} duplicate message(s) were dropped')
     if found.duplicate and np.any(raw[1:] == raw[:-1]):
         said.append(
-            f'{found.duplicate} duplicate stamp(s) with different data: the samples were kept'
+            f'{times(found.duplicate, "duplicate stamp")} with different data: the samples were '
+            'kept'
         )
     return record.warned(*said)
 

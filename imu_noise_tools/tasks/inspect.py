@@ -13,6 +13,7 @@ from typing import Any
 from ..bag import imus, open_record, Scratch, TopicInfo, topics
 from ..core.errors import InputError
 from ..core.record import Disturbance, ImuRecord, Memory
+from ..core.units import duration
 from ..health import examine, Health, prepare, Selection
 
 
@@ -116,6 +117,6 @@ def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Insp
     try:
         part = prepare(record, memory=memory, screen=selection.screen, masks=selection.masks)
     except InputError as error:
-        return Inspection(*about, error.message)
-    line = f'{part.n} samples, {part.duration_s:.4g} s at rest'
+        return Inspection(*about, f'no: {error.message.removeprefix(f"{record.path}: ")}')
+    line = f'{part.n} samples, {duration(part.duration_s)} at rest'
     return Inspection(*about, line, part.disturbances, part.left_out, looked=True)
