@@ -28,7 +28,7 @@ import yaml
 from imu_noise_tools import export
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.record import ImuRecord
-from imu_noise_tools.export._numbers import _between
+from imu_noise_tools.export._numbers import _stated
 from imu_noise_tools.loop.effect import Estimate, Model, registry
 from imu_noise_tools.sheet import Sheet
 from imu_noise_tools.tasks.noise import analyse_record
@@ -524,14 +524,14 @@ def test_a_study_without_an_accelerometer(study):
 
 
 @pytest.mark.parametrize('e, value, said', [
-    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.0, ' [1.8, 2.2]'),
-    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.5, ' (fitted [1.8, 2.2])'),
-    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 2.1, ' [0, 2.2]'),
-    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 8.0, ' (fitted [0, 2.2])'),
-    (None, 2.0, '')])
+    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.0, '2 [1.8, 2.2]'),
+    (Estimate(2.0, 0.1, (1.8, 2.2)), 2.5, '2.5 (fitted [1.8, 2.2])'),
+    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 2.1, 'below 2.1'),
+    (Estimate(None, None, (0.0, 2.2), upper95=2.1), 8.0, '8 (fitted [0, 2.2])'),
+    (None, 2.0, '2')])
 def test_an_interval_beside_a_value_that_covers_the_curve_is_the_fits(e, value, said):
-    """Where the model fails the value written is none of the fit, and may lie outside."""
-    assert _between(e, value) == said
+    """Where the model fails the value written is none of the fit; a limit is no value at all."""
+    assert _stated(e, value) == said
 
 
 @pytest.mark.parametrize('name', [n for n in export.formats() if n != 'dlio'])

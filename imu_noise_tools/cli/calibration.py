@@ -41,10 +41,10 @@ def register(commands: Any) -> None:
     c.add_argument('--tilt', type=float, default=1.0, metavar='DEG',
                    help='how well the faces are level, rms, for --method wls (default: 1)')
     c.add_argument('--method', choices=('faces', 'wls', 'ols', 'norm', 'few'),
-                   help='by magnitudes, and across them by faces of unknown tilt (default); '
-                        'weighted by a stated tilt; plain; by the magnitude alone (default '
-                        'with 12 and more spread poses); or so with axes square to 2 deg '
-                        '(default with fewer that are no faces)')
+                   help='faces (default): by magnitudes, and across them by faces of unknown '
+                        'tilt; wls: by a stated tilt; ols: plain; norm (default with 12 and more '
+                        'spread poses): by the magnitude alone; few (default with fewer that '
+                        'are no faces): so, with axes square to 2 deg')
     c.add_argument('--still', type=float, default=0.8, metavar='S',
                    help='shortest rest that is a pose, 0.5 to 60 s (default: 0.8, of a second\'s '
                         'hold)')

@@ -80,14 +80,14 @@ def unit_options(command: argparse.ArgumentParser) -> None:
 
 def gyro_unit_option(command: argparse.ArgumentParser, default: str = 'rad/s') -> None:
     """Add ``--gyro-unit``; None where it is not given."""
-    _unit_option(command, 'gyro', f'unit of the gyroscope data, deg/s or {A_COUNT["gyro"]} of '
-                 f'raw counts (default: {default})')
+    _unit_option(command, 'gyro', f'unit of the gyroscope data: deg/s, or what one raw count '
+                 f'is, as {A_COUNT["gyro"]} (default: {default})')
 
 
 def accel_unit_option(command: argparse.ArgumentParser, default: str = 'm/s^2') -> None:
     """Add ``--accel-unit``; None where it is not given."""
-    _unit_option(command, 'accel', f'unit of the accelerometer data, g, mg or {A_COUNT["accel"]} '
-                 f'of raw counts (default: {default})')
+    _unit_option(command, 'accel', f'unit of the accelerometer data: g, mg, or what one raw '
+                 f'count is, as {A_COUNT["accel"]} (default: {default})')
 
 
 def _unit_option(command: argparse.ArgumentParser, sensor: str, said: str) -> None:

@@ -140,18 +140,20 @@ class Numbers:
         parts = []
         for axis, value in zip(found.axes, found.values):
             e = self.study.states[axis].fit.estimates.get(label, {}).get(parameter)
-            parts.append(f'{axis[-1]} {value:.4g}{_between(e, value)}')
+            parts.append(f'{axis[-1]} {_stated(e, value)}')
         return f'{sensor} {parameter} in {UNITS[parameter][sensor]}: {", ".join(parts)}'
 
 
-def _between(e: Estimate | None, value: float) -> str:
-    """Return the interval of an estimate; one that is not the value's is said to be the fit's."""
+def _stated(e: Estimate | None, value: float) -> str:
+    """Return a value with the interval of its estimate, the fit's where it is not; or a limit."""
+    if e is not None and e.value is None and e.upper95 is not None and np.isclose(
+            value, e.upper95, rtol=1e-6):
+        return f'below {value:.4g}'
     if e is None or not e.ci95:
-        return ''
+        return f'{value:.4g}'
     said = f'[{e.ci95[0]:.3g}, {e.ci95[1]:.3g}]'
-    fitted = e.upper95 if e.value is None else e.value
-    own = fitted is not None and np.isclose(value, fitted, rtol=1e-6)
-    return f' {said}' if own else f' (fitted {said})'
+    own = e.value is not None and np.isclose(value, e.value, rtol=1e-6)
+    return f'{value:.4g} {said if own else f"(fitted {said})"}'
 
 
 def commented(said: list[str]) -> str:
