@@ -576,6 +576,16 @@ def test_where_nothing_explains_it_what_fails_is_said_once(domain, study):
     assert 'standard errors' not in advice and 'no known effect' not in advice
 
 
+def test_the_advice_of_a_filter_names_what_the_verdict_does():
+    """What is refuted shares nothing; it was named as the other of two."""
+    ranked = [Finding('outliers', 9.0, penalty=5.0, probability=0.53),
+              Finding('sampling_jitter', 30.0, penalty=5.0, probability=0.0, against='refuted')]
+    said = FilterProblem.advice(SimpleNamespace(), 'undecidable', ranked, [])
+    assert said.startswith('outliers: record longer')
+    d = Diagnosis('undecidable', tuple(ranked), (), said)
+    assert words.diagnosis_in_words(d) == 'undecidable: outliers or nothing'
+
+
 @pytest.mark.parametrize(('failed', 'said'), [
     ({'distribution': ''}, ''),
     ({'coherence': '', 'shape': '', 'frequency': '25 Hz', 'time': '132 s'}, ''),

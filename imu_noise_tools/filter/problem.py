@@ -29,7 +29,7 @@ from ..core.spectrum import cosine_transform
 from ..core.statistics import grid_step
 from ..core.units import shown
 from ..loop.effect import Estimate, Finding, Fit, Model, registry, Score, unfitted
-from ..loop.findings import failures
+from ..loop.findings import failures, rivals
 from ..loop.problem import Problem
 from ..loop.verdict import HEALED
 
@@ -336,7 +336,7 @@ class FilterProblem(Problem):
                 f'{said}, but {self.share:.0%} of the samples were judged'
         if verdict == 'unknown':
             return ''
-        names = ' or '.join(f.name for f in ranked[:2])
+        names = ' or '.join(f.name for f in rivals(ranked) or ranked[:1])
         return (
             f'{names}: record longer, at rest and in the motion in question apart from each other'
         )
