@@ -159,6 +159,9 @@ def test_a_coupling_claims_what_it_shares_and_not_that_a_fit_was_caught(share):
     some = {f.name: f for f in problem.candidates(caught)}
     named = some['shared_noise'].gain > some['shared_noise'].penalty
     assert named == (share > 0), some['shared_noise']
+    # each axis once, by its name: as it is, and a quarter of a period later
+    assert some['shared_noise'].evidence.startswith('coherent with gyro_')
+    assert '^' not in some['shared_noise'].evidence and '~' not in some['shared_noise'].evidence
 
 
 @pytest.mark.thorough

@@ -31,6 +31,7 @@ from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
 from .rounded import moved_by_rounding
+from .shared import LATER, SHAKEN
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted
 from ..loop.findings import price, surplus
 from ..loop.verdict import DIRECTED, FLEXIBLE, PRICE
@@ -669,8 +670,10 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
             if e.std and e.point is not None and abs(e.point) > 2 * e.std
         ]
         where = heard_at(evidence, after, fitted.label)
+        # a quarter of a period later, and what shakes it, are of the same axis
+        others = dict.fromkeys(c.rstrip(LATER + SHAKEN) for c in fitted.channels(evidence))
         return (
-            f'coherent with {", ".join(fitted.channels(evidence))}: '
+            f'coherent with {", ".join(others)}: '
             f'{", ".join(parts) or "nothing significant"}' + (where and f'; {where}')
         )
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
