@@ -40,7 +40,7 @@ def advise(problem: CalibrationProblem, verdict: str, ranked: list[Any]) -> str:
         if course is not None:
             return (f'no known effect explains it, but {course.followed(problem.target)} and no '
                     f'scatter: {_FOLLOWED[course.of]}; until then intervals are too narrow')
-        return 'look at these poses and hold them again'
+        return 'look at the poses that fail, and hold them again'
     hidden = problem.blind(problem.fit(solve.base_model()))
     said = 'nothing is missing' + (
         f'; these poses could not show {", ".join(name for name, _, _ in hidden)}'

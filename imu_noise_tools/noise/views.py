@@ -277,13 +277,12 @@ def parameter_scatter(
     rng = np.random.default_rng(0)
     x0 = np.array([s.to_search(fit.model[s.label][s.parameter.name]) for s in likelihood.slots])
     lower, upper = np.array([s.bounds for s in likelihood.slots]).T
+    lower, upper = np.minimum(lower, x0), np.maximum(upper, x0)
     total = 0.0
     for _ in range(draws):
         z = rng.standard_normal(len(slots))
-        step = np.clip((root @ z) / scale, -1, 1)
-        drawn = np.clip(x0 + step[spectral], np.minimum(lower, x0), np.maximum(upper, x0))
-        w, _ = likelihood.spectra(likelihood.with_search(drawn))
-        r = w / v
+        drawn = np.clip(x0 + np.clip((root @ z) / scale, -1, 1)[spectral], lower, upper)
+        r = likelihood.spectra(likelihood.with_search(drawn))[0] / v
         cost, foreseen = float(np.sum(weight * (r - np.log(r) - 1))), float(z @ z)
         total += (cost if cost <= UNFORESEEN * foreseen else foreseen) ** 2
     return total / draws
