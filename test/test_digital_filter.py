@@ -94,7 +94,7 @@ def test_cosines_are_those_of_the_spectrum():
     firwin(63, 0.3, window=('kaiser', 12)),
     pytest.param(butter(10, 0.3), marks=pytest.mark.thorough)], ids=['FIR', 'Butterworth 10'])
 def test_a_deep_stop_band_leaves_the_error_its_scatter(taps):
-    """By chance it was up to 1e20, and nothing failed: ln L is no parabola there."""
+    """By chance it was up to 1e20, so that a misfit was none: ln L is no parabola there."""
     b, a = taps if isinstance(taps, tuple) else (taps, 1.0)
     white = np.random.default_rng(1).standard_normal((24_400, 3))
     gyro = 1e-3 * lfilter(b, a, white, axis=0)[400:]
