@@ -45,7 +45,7 @@ from imu_noise_tools.loop.study import Contrast, Step, Study
 from imu_noise_tools.loop.verdict import CANNOT_TELL
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
-from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
+from imu_noise_tools.noise.problem import _worst, NoiseProblem, where_to_look
 from imu_noise_tools.plots import style
 from imu_noise_tools.report import words
 from imu_noise_tools.report.markup import SCRIPT
@@ -574,6 +574,14 @@ def test_where_nothing_explains_it_what_fails_is_said_once(domain, study):
         assert text.count(failed[0].evidence) == text.count('Nearest comes ramp') == 1
         assert advice[1:] in text
     assert 'standard errors' not in advice and 'no known effect' not in advice
+
+
+@pytest.mark.parametrize('unit, said', [
+    ('quantile', 'worst at the 96.9 % quantile, 6.5 standard errors below'),
+    ('Hz', 'worst at 0.9688 Hz, 6.5 standard errors below')])
+def test_where_a_test_fails_most_is_said_without_jargon(unit, said):
+    view = View('v', np.array([0.5, 0.96875]), np.array([3.0, -6.5]), 1.0, 0.1, unit)
+    assert _worst(view, 1) == said
 
 
 def test_the_advice_of_a_filter_names_what_the_verdict_does():

@@ -247,8 +247,7 @@ class NoiseProblem(Problem):
                         0.5 * len(view.pull) * view.excess,
                         view=view.name,
                         p_value=views.p_value(view),
-                        evidence=f'worst at {view.x[worst]:.4g} {view.unit}, pull '
-                        f'{view.pull[worst]:.1f}',
+                        evidence=_worst(view, worst),
                         log_score=view.log_score,
                         where=f'{view.x[worst]:.4g} {view.unit}' if view.name in PLACED else '',
                     )
@@ -419,6 +418,13 @@ def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
         'method': np.array(some.method),
         'bias_at': np.array(some.bias_at),
     }
+
+
+def _worst(view: View, k: int) -> str:
+    """Return where a view fails most, and by how much."""
+    x, pull = float(view.x[k]), float(view.pull[k])
+    place = f'the {100 * x:.3g} % quantile' if view.unit == 'quantile' else f'{x:.4g} {view.unit}'
+    return f'worst at {place}, {abs(pull):.1f} standard errors {"above" if pull > 0 else "below"}'
 
 
 def where_to_look(failed: Sequence[Finding]) -> str:
