@@ -488,7 +488,10 @@ def test_a_calibration_keeps_the_unit_of_what_it_was_made_from(faces_npz, tmp_pa
     done = tasks.calibrate(tmp_path / 'in_g.npz', out, accel_unit='g')
     np.testing.assert_allclose(done.calibration.G, whole.calibration.G, atol=1e-9)
     assert main(['add', str(out), 'quadratic']) == 0 and capsys.readouterr()
-    assert tasks.input_units(out) == {'accel': 'g'} and tasks.input_units(tmp_path / 'si') == {}
+    session = tasks.Session()
+    for folder, unit in ((out, {'accel': 'g'}), (tmp_path / 'si', {})):
+        session.load(folder)
+        assert session.input_unit == unit
 
 
 def test_a_session_takes_samples_in_the_unit_of_the_file_that_it_loads(tmp_path):
@@ -550,7 +553,7 @@ def test_a_damaged_calibration_is_never_applied(tmp_path, text):
     file = tmp_path / 'calibration.yaml'
     file.write_text(text)
     with pytest.raises(InputError, match='calibration.yaml'):
-        tasks.load_corrections(file)
+        tasks.Session().load(file)
 
 
 def real(folder: Path, name, rate=None):

@@ -82,11 +82,6 @@ class Explained:
     values: tuple[float, ...] = ()
     quiet: float = np.inf
 
-    @property
-    def everything(self) -> bool:
-        """Whether nothing is set aside."""
-        return not self.order.terms and bool(np.all(self.weight == 1)) and np.isinf(self.quiet)
-
     def on(self, bins: Bins) -> np.ndarray:
         """Return the weights (b,) on the bins of another part of the same record."""
         if not len(self.f):

@@ -340,44 +340,27 @@ def _sensors_in(data: Any) -> list[Any]:
     return [data[s] for s in ('accel', 'gyro') if s in data] or [data]
 
 
-def load_corrections(path: str | Path) -> tuple[core.Correction, ...]:
-    """
-    Return what corrects samples from a calibration.yaml, or a folder that holds one.
-
-    The accelerometer's comes first: the gyroscope's may need a calibrated specific force.
-
-    Raises
-    ------
-    InputError
-        There is none, or it is no calibration.
-
-    """
-    return _corrections_in(_load(Path(path)), path)
-
-
 def _corrections_in(data: Any, path: str | Path) -> tuple[core.Correction, ...]:
+    """
+    Return what corrects samples from the data of a calibration.yaml at a path.
+
+    The accelerometer's comes first: the gyroscope's may need a calibrated specific force. Raise
+    InputError where it is no calibration.
+
+    """
     try:
         return tuple(core.from_dict(p if isinstance(p, dict) else {}) for p in _sensors_in(data))
     except InputError as error:
         raise InputError(f'{path}: {error.message}', error.remedy) from None
 
 
-def input_units(path: str | Path) -> dict[str, str]:
+def _units_in(data: Any, path: str | Path) -> dict[str, str]:
     """
     Return by sensor the unit, not SI, of the samples that a calibration.yaml was made from.
 
-    It is empty for a file that does not say it.
-
-    Raises
-    ------
-    InputError
-        There is no file, or it says a unit that is not known.
+    It is empty for a file that does not say it. Raise InputError where the unit is not known.
 
     """
-    return _units_in(_load(Path(path)), path)
-
-
-def _units_in(data: Any, path: str | Path) -> dict[str, str]:
     stated = data.get('input_unit', {}) if isinstance(data, dict) else {}
     return not_si(stated, str(path))
 
