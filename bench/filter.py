@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from imu_noise_tools.core.units import DEG
 from imu_noise_tools.filter import motion as motions
 from imu_noise_tools.filter.design import design
-from imu_noise_tools.filter.evaluate import COARSE, delay, rms, score_of
+from imu_noise_tools.filter.evaluate import COARSE, score_of
 from imu_noise_tools.filter.problem import problem_of
 from imu_noise_tools.filter.recorded import filter_record
 from imu_noise_tools.loop.effect import model_of
@@ -292,6 +292,19 @@ def _say_verdict(record, t, z, axis, model):
 def records() -> Path:
     """Return the folder of the real recordings."""
     return Path(os.environ.get('IMU_NOISE_DATA') or ROOT.parent / 'shared' / 'data') / 'records'
+
+
+def rms(error):
+    """Return the root mean square of errors (n, ...) over the first axis, NaN left out."""
+    return np.sqrt(np.nanmean(np.square(error), axis=0))
+
+
+def delay(rate, truth, frequency, dt):
+    """Return by how many s a filtered sinusoid (n,) of a frequency, Hz, lags behind the true."""
+    t = np.arange(len(truth)) * dt
+    wave = np.exp(-2j * np.pi * frequency * t)
+    phase = np.angle((truth - truth.mean()) @ wave) - np.angle((rate - rate.mean()) @ wave)
+    return float((phase + np.pi) % (2 * np.pi) - np.pi) / (2 * np.pi * frequency)
 
 
 def delays():

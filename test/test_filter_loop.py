@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 
+import filter as bench
 from matplotlib.colors import to_hex
 import numpy as np
 from params import daily
@@ -198,7 +199,7 @@ def test_lost_information_is_the_divergence_of_a_wrong_level():
 
 def test_delay_is_that_of_a_shifted_wave():
     t = np.arange(1000) / 100
-    assert evaluate.delay(
+    assert bench.delay(
         np.sin(2 * np.pi * (t - 0.013)), np.sin(2 * np.pi * t), 1.0, 0.01
     ) == pytest.approx(0.013, abs=1e-4)
 

@@ -168,6 +168,12 @@ def output_covariance(phi, q, h, p0, n):
     return out
 
 
+def run(space, z):
+    """Filter samples z (n,) of which nothing is known before."""
+    return kalman.resume(space, z, np.zeros(space.size), space.p0, 1.0,
+                         kalman.steady_state(space))
+
+
 @pytest.mark.parametrize('model', [SEED, LINEAR['singer'], LINEAR['line'], LINEAR['level']],
                          ids=['seed', 'singer', 'line', 'level'])
 def test_likelihood_of_innovations_is_the_multivariate_normal(model):
@@ -177,7 +183,7 @@ def test_likelihood_of_innovations_is_the_multivariate_normal(model):
     space = type(space)(**{**space.__dict__, 'p0': 0.5 * (p0 + p0.T) * np.eye(space.size)})
     n = 40
     z = np.random.default_rng(1).standard_normal(n) * 0.02
-    got = kalman.run(space, z)
+    got = run(space, z)
     covariance = output_covariance(space.phi, space.q, space.h, space.p0, n) + space.r * np.eye(n)
     assert kalman.log_likelihood(got.innovations, got.s) == pytest.approx(
         stats.multivariate_normal(np.zeros(n), covariance).logpdf(z), rel=1e-9)
@@ -198,8 +204,7 @@ def test_steady_state_solves_the_riccati_equation(name, alpha):
 def test_steady_state_is_where_the_recursion_ends(name):
     space = state_space(LINEAR[name], 0.01)
     z = 0.01 * np.random.default_rng(2).standard_normal(3000)
-    steady = kalman.steady_state(space)
-    got = kalman.run(space, z, steady=steady)
+    got = run(space, z)
     x, p, slow = np.zeros(space.size), space.p0, []
     for k in range(len(z)):
         if k:
@@ -217,7 +222,7 @@ def test_what_nothing_drives_has_no_steady_state():
         is None
     )
     z = np.random.default_rng(3).standard_normal(500) + 7
-    got = kalman.run(state_space(ConstantRate() + WHITE, 0.01), z)
+    got = run(state_space(ConstantRate() + WHITE, 0.01), z)
     assert got.rate[-1] == pytest.approx(
         z.mean(), rel=1e-6
     )  # a constant's best estimate is the mean

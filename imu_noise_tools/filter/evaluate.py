@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Is a filter right? From its innovations alone; and against the truth where there is one.
+Is a filter right? From its innovations alone.
 
 Everything looks at the scores u of :mod:`imm`: independent standard normal numbers if, and only
 if, the model is right. The information that a wrong model loses is that between u and such
@@ -274,21 +274,3 @@ def _too_much_power(u, dt) -> tuple[float, float]:
 
 def _chi2_tail(x: float) -> float:
     return float(min(chdtrc(1, x), 1 - 1e-16))
-
-
-def rms(error: np.ndarray) -> np.ndarray:
-    """Return the root mean square of errors (n, ...) over the first axis, NaN left out."""
-    return np.sqrt(np.nanmean(np.square(error), axis=0))
-
-
-def delay(rate: np.ndarray, truth: np.ndarray, frequency: float, dt: float) -> float:
-    """
-    Return by how many seconds a filtered sinusoid (n,) lags behind the true one (n,).
-
-    Difference of their phases at ``frequency`` (Hz), of samples at dt (s).
-
-    """
-    t = np.arange(len(truth)) * dt
-    wave = np.exp(-2j * np.pi * frequency * t)
-    phase = np.angle((truth - truth.mean()) @ wave) - np.angle((rate - rate.mean()) @ wave)
-    return float((phase + np.pi) % (2 * np.pi) - np.pi) / (2 * np.pi * frequency)

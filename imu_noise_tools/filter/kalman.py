@@ -149,26 +149,24 @@ def _powers(a: np.ndarray, b: int) -> np.ndarray:
     return out[:b + 1]
 
 
-def run_steady(steady: Steady, z: np.ndarray, x: np.ndarray) -> Any:
-    """
-    Filter z (n,) or (n, axes) from the state x (d,) or (d, axes) at constant gain.
-
-    Return (rate, innovations, x at the end). In steady state the filter is an IIR filter; it is
-    run by blocks of matrix products, which stay exact for poles crowded at 1, where polynomial
-    coefficients (lfilter) lose digits.
-
-    """
-    blocks = _Blocks(steady, z, x)
-    return blocks.of(_to_rate), blocks.of(_to_innovations), blocks.end()
-
-
 def innovations_of(steady: Steady, z: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the innovations of :func:`run_steady` alone, of the shape of z, in half the time."""
+    """
+    Return the innovations at constant gain, of the shape of z.
+
+    Of samples z (n,) or (n, axes), from the state x (d,) or (d, axes) on.
+
+    """
     return _Blocks(steady, z, x).of(_to_innovations)
 
 
 class _Blocks:
-    """Samples in blocks, the last filled up with zeros, and the state before each."""
+    """
+    Samples in blocks, the last filled up with zeros, and the state before each, at constant gain.
+
+    In steady state the filter is an IIR filter; it is run by blocks of matrix products, which stay
+    exact for poles crowded at 1, where polynomial coefficients (lfilter) lose digits.
+
+    """
 
     def __init__(self, steady, z, x):
         self.steady, self.shape = steady, z.shape
@@ -267,20 +265,15 @@ def resume(
             if steady and np.max(np.abs(p - steady.predicted)) <= SETTLED * np.max(
                 np.abs(steady.predicted)
             ):
-                rate, nu, x = run_steady(steady, z[k:], before)
-                out[:, k:] = rate, np.full(n - k, steady.variance), nu, np.full(n - k, steady.s)
-                p = steady.after
+                rest = _Blocks(steady, z[k:], before)
+                out[:, k:] = (rest.of(_to_rate), np.full(n - k, steady.variance),
+                              rest.of(_to_innovations), np.full(n - k, steady.s))
+                x, p = rest.end(), steady.after
                 break
         x, p, nu, s = update(space, x, p, z[k])
         out[:, k] = space.rate @ x, space.rate @ p @ space.rate, nu, s
     rate, variance, innovations, s = out
     return Run(rate, variance, innovations, s, x, p)
-
-
-def run(space: StateSpace, z: np.ndarray, alpha: float = 1.0, steady: Steady | None = None) -> Run:
-    """Filter evenly spaced z (n,), nothing known before; see :func:`resume`."""
-    return resume(space, np.asarray(z, float), np.zeros(space.size), space.p0, alpha,
-                  steady or steady_state(space, alpha))
 
 
 def log_likelihood(innovations: np.ndarray, s: Any) -> float:
