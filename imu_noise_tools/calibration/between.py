@@ -247,7 +247,7 @@ def integrated(turns: Turns, rates: np.ndarray) -> np.ndarray:
     step = turns.step[:-1, None]
     a, b = rates[:-1], rates[1:]
     turn = rotations(step * _means(turns, rates) + step ** 2 / 12 * np.cross(a, b))
-    begin = np.searchsorted(turns.turn, np.arange(turns.n))
+    begin = begins(turns)
     length = np.diff(np.append(begin, len(rates)))
     out = np.broadcast_to(np.eye(3), (len(rates), 3, 3)).copy()
     order = np.argsort(-length)             # the longest first: a step in all that still turn
@@ -285,6 +285,11 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
     return np.eye(3) + sine * k + versine * k @ k
 
 
+def begins(turns: Turns) -> np.ndarray:
+    """Return the index of each turn's first sample, (n,)."""
+    return np.searchsorted(turns.turn, np.arange(turns.n))
+
+
 def ends(turns: Turns) -> np.ndarray:
     """Return the index of each turn's last sample, (n,)."""
     return np.searchsorted(turns.turn, np.arange(turns.n), side='right') - 1
@@ -317,8 +322,7 @@ def sums(turns: Turns, rotation: np.ndarray, scale: np.ndarray, terms: np.ndarra
     weight[1:] += turns.step[:-1]
     back = np.einsum('mij,jl->mil', rotation, np.linalg.inv(scale)) * (weight / 2)[:, None, None]
     each = np.einsum('mil,lmk->mik', back, terms)
-    begin = np.searchsorted(turns.turn, np.arange(turns.n))
-    return np.add.reduceat(each, begin, axis=0)
+    return np.add.reduceat(each, begins(turns), axis=0)
 
 
 def time_offset(turns: Turns, rates: np.ndarray, gravity: float) -> tuple[float, float]:

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import expit, gammaln, stdtrit
 
-from .poses import DIRECTIONS, Poses, unit
+from .poses import aims, DIRECTIONS, Poses, unit
 from ..core.statistics import TWO_SIDED
 
 #: rms of a cross-axis term before it is measured: within 1 %, as data sheets state it, uniformly
@@ -41,15 +41,9 @@ _PLANES = ((1, 2), (2, 0), (0, 1))       # that a rotation about each axis turns
 _FREE = 10.0            # rad, for a pose that is no face: any direction
 
 
-def aims(poses: Poses) -> np.ndarray:
-    """Return the nominal direction of each pose by its name, (3, n); nan where it is no face."""
-    none = np.full(3, np.nan)
-    return np.array([DIRECTIONS.get(n, none) for n in poses.names]).reshape(-1, 3).T
-
-
 def covariance(poses: Poses, scale: np.ndarray, theta: float) -> np.ndarray:
     """Return what tilts of rms theta (rad) about the inputs found do to outputs, (n, 3, 3)."""
-    spread = np.where(np.isfinite(aims(poses)[0]), theta, _FREE)
+    spread = np.where(np.isfinite(aims(poses.names)[0]), theta, _FREE)
     return spread[:, None, None] ** 2 * _across(poses, scale)
 
 
@@ -62,7 +56,7 @@ def _across(poses, scale):
 
 def offset(poses: Poses, scale: np.ndarray) -> np.ndarray:
     """Return what the outputs would change if each input found were on its face, (3, n)."""
-    u, aim = unit(poses.inputs), aims(poses)
+    u, aim = unit(poses.inputs), aims(poses.names)
     lateral = aim - u * np.sum(aim * u, axis=0)
     return poses.magnitude * scale @ np.where(np.isfinite(aim), lateral, 0.0)
 

@@ -144,6 +144,13 @@ class Equations:
         _, s, _, _, size = self._decomposed
         return -0.5 * (self.chi2 + log_det + 2 * np.log(s).sum() + 2 * np.log(size).sum())
 
+    def _added(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns (N, k) beside the equations, scaled to length one, without empty ones."""
+        before = np.zeros((len(self.right) - len(columns), columns.shape[1]))
+        columns = np.vstack([before, columns])
+        size = np.linalg.norm(columns, axis=0)
+        return columns[:, size > 0] / size[size > 0]
+
     def gain(self, columns: np.ndarray) -> tuple[float, int]:
         """
         Return what adding columns (N, k) gains, in nats, and how many of them say something new.
@@ -151,11 +158,7 @@ class Equations:
         Twice the gain is chi-squared with that many degrees of freedom where they are not there.
 
         """
-        u = self._decomposed[0]
-        before = np.zeros((len(self.right) - len(columns), columns.shape[1]))
-        columns = np.vstack([before, columns])
-        size = np.linalg.norm(columns, axis=0)
-        columns = columns[:, size > 0] / size[size > 0]
+        u, columns = self._decomposed[0], self._added(columns)
         fresh = columns - u @ (u.T @ columns)
         if not fresh.size:
             return 0.0, 0
@@ -171,10 +174,7 @@ class Equations:
 
         """
         u, s, vt, keep, size = self._decomposed
-        columns = np.vstack([np.zeros((len(self.right) - len(columns), columns.shape[1])),
-                             columns])
-        length = np.linalg.norm(columns, axis=0)
-        columns = columns[:, length > 0] / length[length > 0]
+        columns = self._added(columns)
         shared = vt[keep].T @ (u.T @ columns / s[:, None]) / size[:, None]
         _, fresh, w = np.linalg.svd(columns - u @ (u.T @ columns), full_matrices=False)
         told = fresh > 1e-6
@@ -255,14 +255,9 @@ class LeftOut:
                          zip(self.equations.whitener, self.vectors, self.error)])
 
 
-def regressors(model: Model) -> list[Regressor]:
-    """Return the effects that have columns."""
-    return model.of(Regressor)
-
-
 def keys_of(model: Model, free_direction: bool) -> tuple[tuple[str, str], ...]:
     """Return the (label, parameter) of every linear coefficient that is to be fitted."""
-    return tuple((e.label, p.name) for e in regressors(model) for p in e.coefficients
+    return tuple((e.label, p.name) for e in model.of(Regressor) for p in e.coefficients
                  if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE))
 
 
@@ -275,7 +270,7 @@ def elements(keys: Sequence[tuple[str, str]]) -> list[tuple[int, int, int]]:
 def terms_of(model: Model, poses: Poses, scale: np.ndarray, free_direction: bool) -> np.ndarray:
     """Return the columns of every coefficient of :func:`keys_of`, (3, n, m)."""
     parts = []
-    for e in regressors(model):
+    for e in model.of(Regressor):
         keep = [k for k, p in enumerate(e.coefficients)
                 if not (free_direction and e.name == 'cross_axis' and p.name in GAUGE)]
         parts.append(e.terms(poses, scale)[:, :, keep])

@@ -152,6 +152,17 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(length > 0, length, 1.0)
 
 
+def aims(names: Sequence[str]) -> np.ndarray:
+    """Return the nominal direction of each pose by its name, (3, n); nan where it is no face."""
+    none = np.full(3, np.nan)
+    return np.array([DIRECTIONS.get(n, none) for n in names]).reshape(-1, 3).T
+
+
+def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle between two vectors (3,), degrees."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
 def nearest_face(direction: np.ndarray) -> tuple[str, float]:
     """Return the face nearest to a direction (3,), and the angle between them in degrees."""
     direction = np.asarray(direction, float)

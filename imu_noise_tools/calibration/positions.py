@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from .poses import DIRECTIONS, FACES, nearest_face, Poses, unit
+from .poses import aims, angle_deg, FACES, nearest_face, Poses, unit
 from ..core.clipped import stays
 from ..core.disturbed import calm
 from ..core.errors import InputError, listed
@@ -22,6 +22,7 @@ from ..core.stillness import LEAST, still_stretches
 
 STILL_S = 0.8           # shortest rest that counts, s: one of a second, less its ends
 CONE_DEG = 20.0         # a pose within this of an axis is a face
+_APART_DEG = 10.0       # poses closer than this point in one direction
 _SAME_DEG = 0.5         # rests closer than this, one after the other, are one placement
 _PIECE_S = 0.5           # shortest part of a rest between knocks
 _SHORT_S = 0.4          # shortest rest that is spoken of
@@ -97,7 +98,7 @@ def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]
     for a, b in _stretches(record, min(seconds, _PIECE_S)):
         pieces, note = _between_knocks(record, a, b, step)
         here = _rest(record, pieces, note)
-        if found and _angle_deg(found[-1].accel, here.accel) < _SAME_DEG and not _picked_up(
+        if found and angle_deg(found[-1].accel, here.accel) < _SAME_DEG and not _picked_up(
                 record, found[-1], here):
             note = f'a knock at {record.t[found[-1].end - 1]:.1f} s was left out'
             here = _rest(record, (*found.pop().pieces, *pieces), note)
@@ -253,10 +254,6 @@ def _between_knocks(record: ImuRecord, a: int, b: int, step: np.ndarray
         return pieces, ''
     knock = pieces[0][1] if pieces[0][0] == a else a
     return pieces, f'a knock at {record.t[knock]:.1f} s was left out'
-
-
-def _angle_deg(a, b) -> float:
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
 def held(record: ImuRecord, found: list[Rest]) -> tuple[list[Rest], list[str]]:
@@ -453,33 +450,31 @@ def check_unit(outputs: np.ndarray, gravity: float) -> None:
                      'convert with the nominal scale of the data sheet first')
 
 
-def named(poses: Poses, cone_deg: float = CONE_DEG) -> Poses:
+def named(poses: Poses) -> Poses:
     """
     Return the poses, those that are faces with their names and nominal inputs.
 
-    A pose is a face when its direction lies within a cone about an axis, whatever its distance
-    from g.
+    A pose is a face when its direction lies within a cone (CONE_DEG) about an axis, whatever its
+    distance from g.
 
     """
     found = [nearest_face(o) for o in poses.outputs.T]
-    names = tuple(face if angle <= cone_deg else poses.names[k]
+    names = tuple(face if angle <= CONE_DEG else poses.names[k]
                   for k, (face, angle) in enumerate(found))
-    none = np.full(3, np.nan)
-    aims = np.array([DIRECTIONS.get(n, none) for n in names]).reshape(-1, 3).T
-    return replace(poses, inputs=poses.magnitude * aims, names=names)
+    return replace(poses, inputs=poses.magnitude * aims(names), names=names)
 
 
-def faced(poses: Poses, cone_deg: float = CONE_DEG) -> tuple[Poses, tuple[str, ...]]:
+def faced(poses: Poses) -> tuple[Poses, tuple[str, ...]]:
     """Return the poses that are faces, as :func:`named` names them, and notes on the others."""
     found = [nearest_face(o) for o in poses.outputs.T]
     off = [(angle, f'{name} ({angle:.0f} deg from {face})')
            for name, (face, angle) in zip(poses.names, found)]
-    away = [said for angle, said in off if angle > cone_deg]
-    doubtful = [said for angle, said in off if cone_deg / 2 < angle <= cone_deg]
+    away = [said for angle, said in off if angle > CONE_DEG]
+    doubtful = [said for angle, said in off if CONE_DEG / 2 < angle <= CONE_DEG]
     notes = [f'left out as no face: {listed(away, _LISTED)}'] if away else []
     notes += [f'off their faces: {listed(doubtful, _LISTED)}'] if doubtful else []
-    keep = [k for k, (angle, _) in enumerate(off) if angle <= cone_deg]
-    return named(poses, cone_deg).take(np.array(keep, int)), tuple(notes)
+    keep = [k for k, (angle, _) in enumerate(off) if angle <= CONE_DEG]
+    return named(poses).take(np.array(keep, int)), tuple(notes)
 
 
 def because(notes: Iterable[str]) -> str:
@@ -494,10 +489,10 @@ def counted(names: Iterable[str]) -> dict[str, int]:
     return {face: sum(n == face for n in names) for face in FACES}
 
 
-def spread(poses: Poses, apart_deg: float = 10.0) -> int:
-    """Return how many poses point in different directions, at least this far apart."""
+def spread(poses: Poses) -> int:
+    """Return how many poses point in different directions, at least _APART_DEG apart."""
     chosen: list[np.ndarray] = []
     for u in unit(poses.outputs).T:
-        if all(_angle_deg(u, v) > apart_deg for v in chosen):
+        if all(angle_deg(u, v) > _APART_DEG for v in chosen):
             chosen.append(u)
     return len(chosen)

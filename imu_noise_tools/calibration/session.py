@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from . import solve
 from .axes import refuse_crossed_axes
 from .between import gathered, together, Turns
 from .correction import Correction
-from .poses import FACES, joined, nearest_face, Poses
+from .poses import angle_deg, FACES, joined, nearest_face, Poses
 from .positions import (
     averaged, CONE_DEG, counted, pooled_errors, Rest, rest_of_samples, still_until_now)
 from .problem import CalibrationProblem
@@ -173,7 +174,8 @@ class Session:
         name = face if off <= CONE_DEG else f'pose {len(self._poses) + 1}'
         note = '' if off <= CONE_DEG else f'{off:.0f} deg from {face}: counts for a norm fit only'
         pose = replace(pose, names=(name,))
-        if self._poses and _apart_deg(self._poses[-1], pose) < _UNMOVED_DEG:
+        if self._poses and angle_deg(
+                self._poses[-1].outputs[:, -1], pose.outputs[:, -1]) < _UNMOVED_DEG:
             self._poses.pop()
             self._windows.pop()
             if self._between:
@@ -292,23 +294,29 @@ class Session:
         """What the loop works on; raise InputError where nothing is solved."""
         return self.solved().problem
 
-    def apply(self, gyro: Any, accel: Any, temperature: float | None = None) -> tuple[Any, Any]:
-        """Return (gyro, accel), (3,) each, what is calibrated corrected."""
-        gyro, accel = applied(self.solved().correction, gyro, accel, temperature)
-        if self.gyro is not None:
-            gyro, accel = applied(self.gyro.correction, gyro, accel, temperature)
-        return gyro, accel
+    @property
+    def corrections(self) -> tuple[Correction, ...]:
+        """What corrects samples, the accelerometer's first; nothing before it is solved."""
+        return tuple(c.correction for c in (self.calibration, self.gyro) if c is not None)
+
+    def apply(self, gyro: Any, accel: Any, temperature: Any = None) -> tuple[Any, Any]:
+        """
+        Return (gyro, accel), (3,) or (n, 3) each, what is calibrated corrected.
+
+        Raise InputError where there is nothing to correct by.
+
+        """
+        found = self.corrections or (self.solved().correction,)
+        return applied(found, gyro, accel, temperature)
 
 
-def applied(
-    correction: Correction, gyro: Any, accel: Any, temperature: float | None = None
-) -> tuple[Any, Any]:
-    """Return (gyro, accel), (3,) each, one of them corrected and the other as it came."""
-    if correction.sensor == 'accel':
-        return np.asarray(gyro, float), correction.apply(accel, temperature)
-    return correction.apply(gyro, temperature, accel), np.asarray(accel, float)
-
-
-def _apart_deg(a: Poses, b: Poses) -> float:
-    u, v = a.outputs[:, -1], b.outputs[:, -1]
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)))
+def applied(corrections: Iterable[Correction], gyro: Any, accel: Any,
+            temperature: Any = None) -> tuple[Any, Any]:
+    """Return (gyro, accel), (3,) or (n, 3) each, corrected as they say, in their order."""
+    gyro, accel = np.asarray(gyro, float), np.asarray(accel, float)
+    for c in corrections:
+        if c.sensor == 'accel':
+            accel = c.apply(accel, temperature)
+        else:       # it may need a calibrated specific force
+            gyro = c.apply(gyro, temperature, accel)
+    return gyro, accel

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, stdtrit
 
 from . import places, solve
-from .between import ends, integrated, misses, sums, tangents, Turns
+from .between import begins, ends, integrated, misses, sums, tangents, Turns
 from .correction import Correction
 from .effects import Regressor, Scatter
 from .linear import elements, Equations, keys_of, terms_of
@@ -83,7 +83,7 @@ class TurnsProblem(CalibrationProblem):
     def score(self, fit: Fit) -> Score:
         """Score a fit made on other turns by these: squared angle over predicted variance."""
         details = fit.details
-        at = _At.of(fit.model, self.data, details.theta, details.keys)
+        at = _At(fit.model, self.data, details.keys, details.theta)
         basis = tangents(self.data.before)
         rows = np.einsum('nri,nik->nrk', basis, at.change)
         # turns dither what rests hide of the bias: it is no error of theirs
@@ -137,7 +137,7 @@ class TurnsProblem(CalibrationProblem):
     def columns(self, fit: Fit, effect: Regressor) -> np.ndarray:
         """Return the whitened columns, (k, p), that an effect would add to a fit's k equations."""
         if not self._last or self._last[0] is not fit:     # all candidates of a fit in a row
-            self._last[:] = fit, _At.of(fit.model, self.data, fit.details.theta, fit.details.keys)
+            self._last[:] = fit, _At(fit.model, self.data, fit.details.keys, fit.details.theta)
         at = self._last[1]
         return _rows(fit.details.equations.whitener,
                      sums(self.data, at.rotation, at.scale, effect.terms(at.samples, at.scale)),
@@ -169,8 +169,7 @@ class TurnsProblem(CalibrationProblem):
 
     def _ceiling(self) -> str:
         """Say that several turns reach the same rate, beyond which the range may end."""
-        begin = np.searchsorted(self.data.turn, np.arange(self.data.n))
-        peak = np.maximum.reduceat(np.abs(self.data.gyro).max(axis=1), begin)
+        peak = np.maximum.reduceat(np.abs(self.data.gyro).max(axis=1), begins(self.data))
         alike = int(np.sum(peak > (1 - _ALIKE) * peak.max()))
         return '' if alike < 3 else (
             f'; {alike} of them reach {np.degrees(peak.max()):.0f} deg/s and none more: where the '
@@ -238,16 +237,10 @@ class _At:
         self.terms = terms_of(model, self.samples, self.scale, False)
         self.change = sums(turns, self.rotation, self.scale, self.terms)
 
-    @classmethod
-    def of(cls, model: Model, turns: Turns, theta: np.ndarray, keys: Any) -> _At:
-        """Return a model at the values of a fit."""
-        return cls(model, turns, keys, theta)
-
 
 def _as_poses(turns: Turns) -> Poses:
     """Return turns and rests as poses: mean outputs, for people and pictures."""
-    begin = np.searchsorted(turns.turn, np.arange(turns.n))
-    last = ends(turns)
+    begin, last = begins(turns), ends(turns)
     span = turns.time[last] - turns.time[begin]
     mean = np.add.reduceat(turns.gyro, begin, axis=0).T / (last - begin + 1)
     angle = np.degrees(np.linalg.norm(mean, axis=0) * span)
@@ -386,8 +379,7 @@ def _of_rests(fit: Fit, turns: Turns) -> float:
 
 
 def _mean_rates(turns, rates, poses):
-    begin = np.searchsorted(turns.turn, np.arange(turns.n))
-    mean = np.add.reduceat(rates, begin, axis=0) / np.bincount(turns.turn)[:, None]
+    mean = np.add.reduceat(rates, begins(turns), axis=0) / np.bincount(turns.turn)[:, None]
     return np.concatenate([mean.T, np.zeros((3, poses.n - turns.n))], axis=1)
 
 
@@ -406,9 +398,8 @@ def problems(arrays: Mapping[str, Any]) -> dict[str, CalibrationProblem]:
         target, _, key = name.partition('/')
         if key:
             found.setdefault(target, {})[key] = value
-    kinds = {'turns': TurnsProblem}
-    return {target: kinds.get(str(some.get('method')), CalibrationProblem).from_arrays(some)
-            for target, some in found.items()}
+    return {target: (TurnsProblem if str(some.get('method')) == 'turns' else CalibrationProblem
+                     ).from_arrays(some) for target, some in found.items()}
 
 
 def arrays_of(found: Mapping[str, Any]) -> dict[str, np.ndarray]:

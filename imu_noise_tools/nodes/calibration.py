@@ -24,7 +24,7 @@ from .run import run, threads_executor
 from .saving import free
 from .times import ARRIVALS, Times
 from .topics import ImuInput, live, overridable, result, STEADY
-from ..calibration import HOLD_S
+from ..calibration import applied, HOLD_S
 from ..core.errors import InputError
 from ..core.files import refuse_unwritable
 from ..core.units import DEG, G0, read_in
@@ -124,10 +124,8 @@ class Calibration(Node):
         corrections = self._session.corrections
         if not corrections:
             return
-        changes = dict(zip(('gyro', 'accel'), self._session.in_si(samples.gyro, samples.accel)))
-        for c in corrections:
-            force = () if c.sensor == 'accel' else (None, changes['accel'])
-            changes[c.sensor] = c.apply(changes[c.sensor], *force)
+        changes = dict(zip(('gyro', 'accel'), applied(
+            corrections, *self._session.in_si(samples.gyro, samples.accel))))
         mine = {*self._session.input_unit, *(c.sensor for c in corrections)}
         changes = {sensor: changes[sensor] for sensor in mine}
         for k, index in enumerate(samples.readable.nonzero()[0]):

@@ -518,8 +518,7 @@ class Session(core.Session):
     @property
     def corrections(self) -> tuple[core.Correction, ...]:
         """What corrects samples, in order: the solution, else what was loaded, else nothing."""
-        solved = [c for c in (self.calibration, self.gyro) if c is not None]
-        return tuple(c.correction for c in solved) or self._loaded
+        return super().corrections or self._loaded
 
     def apply(
         self, gyro: np.ndarray, accel: np.ndarray, temperature: float | None = None
@@ -530,12 +529,7 @@ class Session(core.Session):
         Raise InputError where nothing is solved or loaded.
 
         """
-        gyro, accel = self.in_si(gyro, accel)
-        if self.calibration is None and self._loaded:
-            for c in self._loaded:
-                gyro, accel = core.applied(c, gyro, accel, temperature)
-            return gyro, accel
-        return super().apply(gyro, accel, temperature)
+        return super().apply(*self.in_si(gyro, accel), temperature)
 
     def save(self, path: str | Path) -> Path:
         """
