@@ -36,10 +36,6 @@ READINGS = {
 NEAR = 0.25  # a slope farther from the wanted one is not that slope
 
 
-def _templates(effect):
-    return {p.name: p.unit for p in effect.parameters}
-
-
 def fit_avar(evidence: Evidence, full: Fit) -> Fit:
     """
     Return the model fitted to the Allan curve.
@@ -66,7 +62,7 @@ def fit_avar(evidence: Evidence, full: Fit) -> Fit:
     fitted, estimates = full.model, {k: dict(v) for k, v in full.estimates.items()}
     for k, e in enumerate(terms.effects):
         name, found, own = terms.amplitude[e.label], terms.values(e, x), estimates[e.label]
-        of = {p: units.si(unit, evidence.sensor) for p, unit in _templates(e).items()}
+        of = {p.name: units.si(p.unit, evidence.sensor) for p in e.parameters}
         own[name] = _from_square(square[k], float(np.sqrt(max(covariance[k, k], 0))), of[name])
         for n, v in found.items():
             own[n] = Estimate(v, None, None, of[n], point=v,
@@ -85,7 +81,7 @@ class _CurveTerms:
             e
             for e in model.of(NoiseEffect)
             if isinstance(e, (Spectrum, Mean))
-            and type(e).avar not in (Mean.avar,)
+            and type(e).avar is not Mean.avar
             and len([p for p in e.parameters if p.amplitude]) == 1
         ]
         self.rest = sum((e.share(c.n * c.dt) * e.avar(c.m, c.dt) for e in model.of(Line)),
@@ -142,7 +138,7 @@ def curve_covariance(evidence: Evidence, v: np.ndarray) -> np.ndarray:
 
 def _floor(effect, name):
     """Return the lower bound of an amplitude on a logarithmic scale, else zero."""
-    p = next(p for p in effect.parameters if p.name == name)
+    p = effect.parameter(name)
     return p.lower if p.log else 0.0
 
 
@@ -165,17 +161,13 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
     """
     c = evidence.curve
     slope = c.slope
-    fitted, estimates, flags = (
-        full.model,
-        {k: dict(v) for k, v in full.estimates.items()},
-        list(full.flags),
-    )
+    fitted, estimates = full.model, {k: dict(v) for k, v in full.estimates.items()}
     for e in full.model:
         known = next((n for n in e.lineage() if n in READINGS), '')
         if not known:
             continue
         name, wanted, at, divisor = READINGS[known]
-        unit = units.si(_templates(e)[name], evidence.sensor)
+        unit = units.si(e.parameter(name).unit, evidence.sensor)
         some = (
             np.flatnonzero(c.tau < 1)
             if known == 'white' and np.sum(c.tau < 1) > 2
@@ -190,27 +182,16 @@ def fit_slopes(evidence: Evidence, full: Fit, bias_at: str = 'flat') -> Fit:
         if there:
             std = value / np.sqrt(2 * c.edf[i])
             estimates[e.label][name] = Estimate(
-                value,
-                float(std),
-                (float(c.lo[i] * ratio), float(c.hi[i] * ratio)),
-                unit,
-                point=value,
-                note=f'read at tau = {c.tau[i]:.4g} s, slope {slope[i]:+.2f}',
-            )
+                value, float(std), (float(c.lo[i] * ratio), float(c.hi[i] * ratio)), unit,
+                point=value, note=f'read at tau = {c.tau[i]:.4g} s, slope {slope[i]:+.2f}')
         else:
             value = _floor(e, name)
             upper = float(np.min(c.hi * (at / c.tau) ** wanted / divisor))
             estimates[e.label][name] = Estimate(
-                None,
-                None,
-                (0.0, upper),
-                unit,
-                upper95=upper,
-                point=value,
-                note=f'no part of the curve has slope {wanted:+.1f}',
-            )
+                None, None, (0.0, upper), unit, upper95=upper, point=value,
+                note=f'no part of the curve has slope {wanted:+.1f}')
         fitted = fitted.with_effect(fitted[e.label].with_values(**{name: value}))
-    return Fit(fitted, estimates, full.log_likelihood, tuple(flags), full.details)
+    return Fit(fitted, estimates, full.log_likelihood, full.flags, full.details)
 
 
 def _bias_point(c, rule, flattest):

@@ -30,33 +30,6 @@ from ..loop.effect import Effect, Estimate, Finding, Fit, Model, Parameter, View
 if TYPE_CHECKING:       # evidence knows the kinds; they know it by its type alone
     from .evidence import Evidence
 
-__all__ = [
-    'Coupling',
-    'Defect',
-    'Drawing',
-    'FILTERS',
-    'Inputs',
-    'Line',
-    'MEASURED',
-    'Mean',
-    'Modulation',
-    'NoiseEffect',
-    'Parameter',
-    'Portrait',
-    'Response',
-    'Spectrum',
-    'StateSpace',
-    'foreign',
-    'measured',
-    'model_avar',
-    'model_crowd',
-    'model_gain2',
-    'model_psd',
-    'model_tails',
-    'psd_behind',
-    'responses_on',
-]
-
 #: (Phi, Q, H)
 StateSpace: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -672,12 +645,7 @@ def model_tails(model: Model, evidence: Evidence) -> Tails | None:
 
 def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the one-sided PSD (n,) of an effect behind the model's responses on it, unit^2/Hz."""
-    return effect.psd(f, dt) * _gain2_on(effect, model, f, dt)
-
-
-def _gain2_on(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.ndarray:
-    """Return the squared gain at f (Hz) of the model's responses that act on an effect."""
-    return gain2_of(responses_on(effect, model), f, dt, effect.flat)
+    return effect.psd(f, dt) * gain2_of(responses_on(effect, model), f, dt, effect.flat)
 
 
 def responses_on(effect: Spectrum, model: Model) -> list[Response]:
@@ -752,10 +720,7 @@ def seen_behind(before: Sequence[Response], model: Model, f: np.ndarray,
 
 def model_crowd(model: Model) -> float:
     """Return how many times more sums of products of two axes scatter (:class:`Response`)."""
-    out = 1.0
-    for r in model.of(Response):
-        out *= r.crowd()
-    return out
+    return prod((r.crowd() for r in model.of(Response)), start=1.0)
 
 
 def model_psd(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
