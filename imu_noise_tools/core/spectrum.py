@@ -70,6 +70,12 @@ class Bins:
         half = self.count / 2
         return np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half)
 
+    def below(self, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how many coefficients are below f (k,), Hz, and the sum of a spectrum v (b,)."""
+        at = np.clip(f * 2 * self.n * self.dt, 1, self.n)
+        return at, np.interp(at, np.append(self.first, self.n),
+                             np.concatenate([[0.0], np.cumsum(v * self.count)]))
+
     def index(self, k: Any) -> np.ndarray:
         """Return the bin that holds each coefficient k (1 <= k < n), of the shape of k."""
         return np.searchsorted(self.first, k, side='right') - 1

@@ -14,7 +14,7 @@ the mean. Each effect class may keep more (``statistics``).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, MISSING, replace
 from functools import cached_property
 from typing import Any
 
@@ -426,11 +426,9 @@ class Evidence:
         f = np.exp(np.arange(np.log(8 / self.duration), np.log(0.5 / self.dt), 0.05))
         if len(f) < 16:
             return [(0.1 / self.dt, 0.01 / self.dt, 0.0)]
-        k = np.append(bins.first, bins.n)
-        total = np.concatenate([[0.0], np.cumsum(self.whole.power * bins.count)])
-        at = f * 2 * bins.n * self.dt
+        at, total = bins.below(self.whole.power, f)
         count = np.diff(at)
-        level = np.log(np.maximum(np.diff(np.interp(at, k, total)) / count, 1e-300))
+        level = np.log(np.maximum(np.diff(total) / count, 1e-300))
         over = sign * (level - median_filter(level, 35, mode='nearest'))
         clear = over * np.sqrt(np.minimum(count, 1000.0) / 2)
         out: list[tuple[float, float, float]] = []
@@ -443,15 +441,15 @@ class Evidence:
                 break
         return out
 
-    def _screens(self, model: Model | None) -> int:
+    def _screens(self, model: Model) -> int:
         """1 where the model holds a defect that is taken out of the samples, else 0."""
-        return int(model is not None and any(e.screens() for e in model.of(Defect)))
+        return int(any(e.screens() for e in model.of(Defect)))
 
-    def block_power_of(self, model: Model | None) -> np.ndarray:
+    def block_power_of(self, model: Model) -> np.ndarray:
         """Return the power in time (blocks, bands), without defects where the model holds them."""
         return self.block_power[min(self._screens(model), len(self.block_power) - 1)]
 
-    def cells_of(self, model: Model | None) -> np.ndarray:
+    def cells_of(self, model: Model) -> np.ndarray:
         """
         Return the cells of the distribution, (cells,).
 
@@ -459,7 +457,7 @@ class Evidence:
 
         """
         looks = len(self.block_power)
-        if len(self.cells) > looks and model is not None:
+        if len(self.cells) > looks:
             left = np.delete(self.line_table[:, 3], list(claimed_lines(self, model)))
             if np.all(left < FAINT) and (looks == 1 or self._screens(model)):
                 return self.cells[-1]
@@ -578,24 +576,14 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
         for f in (f for f in fields(Evidence) if f.init):
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
-                out.update(
-                    {
-                        f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines', 'fine', 'quiet')
-                    }
-                )
+                out |= {f'{key}/{k}': np.asarray(getattr(value, k))
+                        for k in ('n', 'power', 'lines', 'fine', 'quiet')}
             elif isinstance(value, allan.AllanCurve):
-                out.update(
-                    {f'{key}/{k.name}': np.asarray(getattr(value, k.name)) for k in fields(value)}
-                )
+                out |= {f'{key}/{k.name}': np.asarray(getattr(value, k.name))
+                        for k in fields(value)}
             elif f.name == 'statistics':
-                out.update(
-                    {
-                        f'{key}/{name}/{k}': np.asarray(v)
-                        for name, kept in value.items()
-                        for k, v in kept.items()
-                    }
-                )
+                out |= {f'{key}/{name}/{k}': np.asarray(v)
+                        for name, kept in value.items() for k, v in kept.items()}
             elif f.name not in ('axis', 'common'):
                 out[key] = np.asarray(value)
     return out
@@ -646,48 +634,21 @@ def _below(flat, prefix):
 def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
     parts: dict[str, Any] = {
-        p: Part(
-            int(flat[f'{p}/n']),
-            dt,
-            flat[f'{p}/power'],
-            flat[f'{p}/lines'],
-            tuple(flat[f'{p}/fine'].tolist()),
-            flat.get(f'{p}/quiet', np.zeros((0, 0))),
-        )
+        p: Part(int(flat[f'{p}/n']), dt, flat[f'{p}/power'], flat[f'{p}/lines'],
+                tuple(flat[f'{p}/fine'].tolist()), flat.get(f'{p}/quiet', np.zeros((0, 0))))
         for p in PART_NAMES
     }
     curve = _below(flat, 'curve')
-    curve = allan.AllanCurve(
-        str(curve['deviation']),
-        float(curve['dt']),
-        int(curve['n']),
-        *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')),
-    )
+    curve = allan.AllanCurve(str(curve['deviation']), float(curve['dt']), int(curve['n']),
+                             *(curve[k] for k in ('m', 'count', 'dev', 'lo', 'hi', 'edf')))
     statistics: dict[str, dict] = {}
     for key, value in _below(flat, 'statistics').items():
         name, _, what = key.partition('/')
         statistics.setdefault(name, {})[what] = value
-    plain = {
-        k: flat[k]
-        for k in (
-            'humps', 'block_power', 'block_count', 'cells', 'envelope'
-        )
-    }
-    return Evidence(
-        axis,
-        dt,
-        int(flat['n']),
-        float(flat['resolution']),
-        **parts,
-        common=common,
-        line_table=_with_stretches(flat['line_table'], int(flat['n'])),
-        **plain,
-        curve=curve,
-        loud=flat.get('loud', np.zeros((0, 2))),
-        sweep=flat.get('sweep', np.zeros(6)),
-        unrounded=flat.get('unrounded', np.zeros((2, 0))),
-        rounding=flat.get('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12)),
-        fading=flat.get('fading', np.zeros((0, 3))),
-        clipped=flat.get('clipped', np.zeros((0, 2))),
-        statistics=statistics,
-    )
+    # what has a default an older study may lack
+    plain = {f.name: flat[f.name] for f in fields(Evidence) if f.type == 'np.ndarray'
+             and (f.name in flat or f.default_factory is MISSING)}
+    plain.setdefault('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12))
+    plain['line_table'] = _with_stretches(flat['line_table'], int(flat['n']))
+    return Evidence(axis, dt, int(flat['n']), float(flat['resolution']), **parts, common=common,
+                    curve=curve, statistics=statistics, **plain)

@@ -126,7 +126,7 @@ def materiality(evidence: Evidence, fit: Fit) -> Materiality:
     """
     details = fit.details
     bins = evidence.whole.bins
-    measured = details.power + unclaimed(evidence, 'whole', fit.model)
+    measured = details.power + unclaimed(evidence, fit.model)
     bands = Bands.on(bins)
     judged = judge(bands, measured / details.v, details.weight)
     off = np.where(judged.weight > 0, 0.0, measured - details.v)

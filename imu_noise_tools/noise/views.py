@@ -101,12 +101,9 @@ def _there(fit: Fit, effect) -> bool:
     return there
 
 
-def unclaimed(evidence: Evidence, part: str, model: Model) -> np.ndarray:
-    """Return the power (b,) of the lines that the model does not hold."""
-    lines = evidence.part(part).lines
-    mine = claimed_lines(evidence, model)
-    rest = [i for i in range(len(lines)) if i not in mine]
-    return np.sum(lines[rest], axis=0) if rest else np.zeros(len(evidence.part(part).power))
+def unclaimed(evidence: Evidence, model: Model) -> np.ndarray:
+    """Return the power (b,), of the whole record, of the lines that the model does not hold."""
+    return np.sum(evidence.whole.lines[lines_left(evidence, model)], axis=0)
 
 
 def _unclaimed_lines(evidence: Evidence, part: str, model: Model,
@@ -616,23 +613,15 @@ def _mean_power(evidence: Evidence, edges: np.ndarray) -> tuple[np.ndarray, np.n
     # of w coefficients the mean square is larger than the square of their level by 1 + 2/w
     both = power, power**2 * bins.count / (bins.count + 2)
     mean, square = (np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
-                    for at, total in (_below(evidence, v, edges) for v in both))
+                    for at, total in (bins.below(v, edges) for v in both))
     return mean, square
-
-
-def _below(evidence: Evidence, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how many coefficients are below f (Hz), and their sum of a spectrum v (b,)."""
-    bins = evidence.whole.bins
-    at = np.clip(f * 2 * bins.n * evidence.dt, 1, bins.n)
-    return at, np.interp(at, np.append(bins.first, bins.n),
-                         np.concatenate([[0.0], np.cumsum(v * bins.count)]))
 
 
 def _ordinates(evidence: Evidence, v: np.ndarray) -> np.ndarray:
     """Return a spectrum v (b,) at the ordinates of a block in time, from the first on (k,)."""
     edges, width = _bands(evidence)
     each = width * (0.5 + np.arange(round(edges[-1] / width + 0.5)))
-    at, total = _below(evidence, v, each)
+    at, total = evidence.whole.bins.below(v, each)
     return np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
 
 
@@ -905,4 +894,5 @@ def p_value(view: View) -> float:
 
 def lines_left(evidence: Evidence, model: Model) -> list[int]:
     """Return rows of the line table that the model does not hold, strongest first."""
-    return [i for i in range(len(evidence.line_table)) if i not in claimed_lines(evidence, model)]
+    mine = claimed_lines(evidence, model)
+    return [i for i in range(len(evidence.line_table)) if i not in mine]

@@ -127,7 +127,7 @@ class Densities:
     def with_lines(self, state: State) -> np.ndarray:
         """Return the measured ones (b,) with the lines that the model of a state does not hold."""
         e = evidence_of(state)
-        return np.hypot(self.every, _density(e, views.unclaimed(e, 'whole', state.model)))
+        return np.hypot(self.every, _density(e, views.unclaimed(e, state.model)))
 
 
 def _density(e: Evidence, power: np.ndarray) -> np.ndarray:
