@@ -31,7 +31,7 @@ from .robust import (
 from .search import Found, Search
 from .starts import starts
 from .uncertainty import (
-    chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened, with_linear
+    chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened
 )
 from ..core.errors import FitError
 from ..core.units import in_percent
@@ -148,7 +148,7 @@ def _fit_of(found: Found, measured, flags, intervals: bool) -> Fit:
     """Return the fit of a minimum."""
     likelihood, x = found.likelihood, found.x
     nll, linear, _, _ = likelihood.value(x)
-    fitted = with_linear(likelihood, likelihood.with_search(x), linear)
+    fitted = likelihood.with_linear(likelihood.with_search(x), linear.beta)
     if fitted.of(Modulation):   # beside peaks as they were fitted
         fitted, measured, flags = with_measured(likelihood.evidence, fitted)
     said = dict(measured)

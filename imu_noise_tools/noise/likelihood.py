@@ -755,7 +755,7 @@ class Likelihood:
             self._units[key] = make()
         return self._units[key]
 
-    def _with_linear(self, model, beta):
+    def with_linear(self, model: Model, beta: np.ndarray) -> Model:
         """Return a model with solved parameters (p,) in it; those of couplings come first."""
         values: dict[str, dict[str, float]] = {}
         for slot, value in zip(self.linear_slots, beta):
@@ -764,7 +764,7 @@ class Likelihood:
 
     def with_solved(self, model: Model, v: np.ndarray) -> Model:
         """Return a model with its linear parameters as they are solved for at a spectrum (b,)."""
-        return self._with_linear(model, self.solve_linear(model, v).beta)
+        return self.with_linear(model, self.solve_linear(model, v).beta)
 
     def value(self, x: np.ndarray,
               ) -> tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]:
@@ -784,7 +784,7 @@ class Likelihood:
             nothing = np.zeros(0)
             return np.inf, Linear(nothing, nothing, self.power, self.weight), v, each
         if self._spreads and each:  # what a shaken source is missed by goes with the gains
-            v = self._with_missed(total, self._with_linear(model, self._gains_at(model, v)[0]))
+            v = self._with_missed(total, self.with_linear(model, self._gains_at(model, v)[0]))
         linear = self.solve_linear(model, v)
         return self._cost(linear, v) + self._untold(x), linear, v, each
 

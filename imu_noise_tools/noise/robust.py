@@ -25,7 +25,7 @@ from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
 from .search import Found, Search
 from .starts import SHOWS, starts, with_values_of
-from .uncertainty import marginal, with_linear
+from .uncertainty import marginal
 from ..core.statistics import gamma_pull_exact
 from ..loop.effect import Model
 
@@ -150,7 +150,7 @@ def _in_part(found: Found) -> float:
     _, linear, v, _ = likelihood.value(found.x)
     ratio, weight = ratio_of(found)
     power = ratio * v
-    model = with_linear(likelihood, likelihood.with_search(found.x), linear)
+    model = likelihood.with_linear(likelihood.with_search(found.x), linear.beta)
     if OPEN in model:   # what couplings miss of their sources goes with their gains
         v, _ = likelihood.spectra(model.minus(OPEN))
     return supported_by(Bands.on(likelihood.bins), power, weight, v, _BAND, partly=True)

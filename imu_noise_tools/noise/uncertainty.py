@@ -34,15 +34,6 @@ NOT_TOLD_FROM_DRIFT = (
 Estimates: TypeAlias = dict[str, dict[str, Estimate]]
 
 
-def with_linear(likelihood: Likelihood, model: Model, linear: Linear) -> Model:
-    """Return the model with the solved parameters in it."""
-    for slot, value in zip(likelihood.linear_slots, linear.beta):
-        model = model.with_effect(
-            model[slot.label].with_values(**{slot.parameter.name: float(value)})
-        )
-    return model
-
-
 def chosen_estimates(likelihood: Likelihood) -> Estimates:
     """Return what was chosen among the proposed values, and what is no part of a choice."""
     evidence = likelihood.evidence
@@ -208,16 +199,19 @@ def widened(likelihood: Likelihood, found: Estimates, by: np.ndarray) -> Estimat
         e = out.get(slot.label, {}).get(slot.parameter.name)
         if factor == 1 or not slot.parameter.log or e is None or e.ci95 is None or not e.point:
             continue
-
-        def further(end, point=e.point, factor=factor, shown=e.value is not None):
-            if not shown:
-                return end * factor ** 0.5
-            return point * (end / point) ** factor if end > 0 else end
-        low, high = e.ci95
+        low, high = (_further(e, end, factor) for end in e.ci95)
         out[slot.label][slot.parameter.name] = replace(
-            e, ci95=(further(low), further(high)), std=None if e.std is None else e.std * factor,
-            upper95=None if e.upper95 is None else further(max(e.upper95, e.point)))
+            e, ci95=(low, high), std=None if e.std is None else e.std * factor,
+            upper95=None if e.upper95 is None else _further(e, max(e.upper95, e.point), factor))
     return out
+
+
+def _further(e: Estimate, end: float, factor: float) -> float:
+    """Return an end of an interval that is so many times as wide about its point."""
+    if e.value is None:
+        return end * factor ** 0.5
+    assert e.point is not None
+    return e.point * (end / e.point) ** factor if end > 0 else end
 
 
 def _nothing(slot, at: float, lo: float) -> bool:
