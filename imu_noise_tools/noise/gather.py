@@ -157,7 +157,8 @@ class _Gathering:
     def samples(self, axis: str, **curve) -> None:
         """Look at the samples of an axis: what effects keep of them, the Allan curve, blocks."""
         y = self.raw[axis] = np.ascontiguousarray(self.record.column(axis), float)
-        self.kept[axis], without = _looked_at(y, replace(self.inputs, axis=axis))
+        self.kept[axis], without = _looked_at(
+            y, replace(self.inputs, axis=axis), _known())
         self.kept[axis].update(self._of_readings(axis))
         without = _bridged(without, self.record)
         self.clean[axis] = y if without is y else self.memory.keep(without)
@@ -193,9 +194,11 @@ class _Gathering:
 
     def beside(self) -> None:
         """Take defects out of the axes that were not asked for, as out of those that were."""
+        screened = {name: cls for name, cls in _known().items() if _is_taken_out(cls)}
         for axis in (a for a in self.record.axes if a in self.covariates):
             y = np.ascontiguousarray(self.record.column(axis), float)
-            without = _bridged(_screened(y, replace(self.inputs, axis=axis)), self.record)
+            without = _bridged(
+                _looked_at(y, replace(self.inputs, axis=axis), screened)[1], self.record)
             if without is not y:
                 self.covariates[axis] = self.memory.keep(without)
             self.memory.rest()
@@ -435,9 +438,10 @@ class _Steps:
             self.progress(min(1.0, self.done / self.total), what)
 
 
-def _looked_at(y: np.ndarray, inputs: Inputs):
+def _looked_at(y: np.ndarray, inputs: Inputs,
+               known: Mapping[str, type[NoiseEffect]]) -> tuple[dict[str, dict], np.ndarray]:
     """
-    Return what each effect keeps of the samples, and the samples without defects.
+    Return what effects keep of the samples (n,), and the samples without defects.
 
     What one turn finds is taken out before the next one looks: the samples of a shock are no
     spikes. Nor are short stays at another level, beside which what is taken out is looked for.
@@ -445,7 +449,6 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
     """
     at = levels(y)
     kept: dict[str, dict] = {}
-    known = _known()
     for turn in sorted({cls.turn for cls in known.values()}):
         some = {name: cls for name, cls in known.items()
                 if cls.turn == turn and not cls.of_readings}
@@ -461,17 +464,6 @@ def _looked_at(y: np.ndarray, inputs: Inputs):
 
 def _known() -> dict[str, type[NoiseEffect]]:
     return {k: cast('type[NoiseEffect]', cls) for k, cls in registry('noise').items()}
-
-
-def _screened(y: np.ndarray, inputs: Inputs) -> np.ndarray:
-    """Return the samples without defects, and keep nothing else of them."""
-    at = levels(y)
-    known = [cls for cls in registry('noise').values() if _is_taken_out(cls)]
-    for cls in sorted(known, key=lambda cls: cls.turn):
-        kept = cls.statistics(y if at is None else y - at, inputs)
-        if kept:
-            y = _without(y, at, partial(cls.screen, kept=kept, inputs=inputs))
-    return y
 
 
 def _is_taken_out(cls: type[Effect]) -> TypeGuard[type[Defect]]:
