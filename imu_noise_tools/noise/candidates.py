@@ -614,15 +614,9 @@ def _line(evidence, fit, effect):
     values, estimates, _ = measure(evidence, effect, claimed)
     added = np.sum(evidence.whole.lines[rows], axis=0)
     gain = 0.5 * float(np.sum(evidence.whole.bins.count * added / fit.details.v))
-    return Finding(
-        effect.name,
-        gain,
-        effect.with_values(**values),
-        estimates,
-        line_penalty(evidence.n, len(claimed)),
-        'frequency',
-        effect.in_words(evidence, rows),
-    )
+    return Finding(effect.name, gain, effect.with_values(**values), estimates,
+                   line_penalty(evidence.n, len(claimed)), 'frequency',
+                   effect.in_words(evidence, rows))
 
 
 def _measured(evidence, fit, effect):
@@ -635,15 +629,7 @@ def _measured(evidence, fit, effect):
     if isinstance(effect, (Spectrum, Response)):
         more = _refitted(evidence, fit, effect)
         gain += float(_gain(evidence, fit, more, False))
-    return Finding(
-        effect.name,
-        float(gain),
-        finding.effect,
-        finding.estimates,
-        penalty(effect.name),
-        finding.view,
-        finding.evidence,
-    )
+    return replace(finding, gain=float(gain), penalty=penalty(effect.name))
 
 
 def _view_of(effect):

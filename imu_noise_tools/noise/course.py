@@ -65,16 +65,16 @@ def left_by_a_course(t: np.ndarray, y: np.ndarray, others: np.ndarray,
     """
     solved = np.linalg.solve(root, np.column_stack([y, others, np.eye(len(y))]))
     z, columns, white = solved[:, 0], solved[:, 1:1 + others.shape[1]], solved[:, -len(y):]
-    u = _spanned(columns)
+    u = spanned(columns)
     z = z - u @ (u.T @ z)
     cubic = white @ _cubic(t)
-    explained = _spanned(cubic - u @ (u.T @ cubic)).T @ z
+    explained = spanned(cubic - u @ (u.T @ cubic)).T @ z
     gain, words = max((_by_a_power(t, z, u, white), POWER),
                       (0.5 * float(explained @ explained), CUBIC))
     return 0.5 * float(z @ z) - gain, words
 
 
-def _spanned(columns: np.ndarray) -> np.ndarray:
+def spanned(columns: np.ndarray) -> np.ndarray:
     """Return orthonormal columns (k, r) that span what columns (k, p) do."""
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     return u[:, s > 1e-8 * np.max(s, initial=0.0)]

@@ -21,7 +21,7 @@ from scipy.special import chdtrc, chdtri
 
 from . import views
 from .coupled import why_no_coupling
-from .course import left_by_a_course, PARAMETERS
+from .course import left_by_a_course, PARAMETERS, spanned
 from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
@@ -141,7 +141,7 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     """
     f, x, w = spectrum_left(evidence, fit)
     gain = smooth_gain(x, w, np.log(f))
-    used = min(len([s for s in (fit.details.slots if fit.details else ())]), KNOTS // 2)
+    used = min(len(fit.details.slots) if fit.details else 0, KNOTS // 2)
     narrow = _in_a_band(f, x, w)
     where = f', too much power at {narrow}' if narrow else _where(f, x, w)
     return Finding('shape', gain, view='frequency',
@@ -790,8 +790,7 @@ def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:
 
 def _squares_left(y: np.ndarray, columns: Sequence[np.ndarray]) -> float:
     """Return half the squares that columns (k,) leave of y (k,)."""
-    u, s, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
-    u = u[:, s > 1e-8 * s[0]]
+    u = spanned(np.column_stack(columns))
     return 0.5 * float(np.sum((y - u @ (u.T @ y)) ** 2))
 
 
