@@ -16,6 +16,7 @@ times faster than stacked matrices, online as in bulk.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -249,9 +250,9 @@ class Bank:
         phi, x, cov, place, half = e.phi, self.x, self.cov, self.place, self._half
         new_x, new, spare = self._x, self._cov, self._s
         if e.slope is not None:
-            mean = _sum(a * v for a, v in zip(e.slope, x))
-            self.jitter = mean ** 2 + _sum(e.slope[i] * e.slope[j] * cov[place[i, j]]
-                                           for i in self.rows for j in self.rows)
+            mean = added(a * v for a, v in zip(e.slope, x))
+            self.jitter = mean ** 2 + added(e.slope[i] * e.slope[j] * cov[place[i, j]]
+                                            for i in self.rows for j in self.rows)
         square = None if e.grows is None else x[1] ** 2 + cov[place[1, 1]]
         for i, row in self.rows.items():
             _combine([(phi[i, k], x[k]) for k in row], new_x[i], spare)
@@ -352,9 +353,9 @@ class Bank:
 
     def rate(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the rate and its variance, over all modes, (lanes,) each."""
-        x = _sum(_times(w, self.x[i]) for i, w in self.moving)
-        var = _sum(_times(w * v, self.cov[self.place[i, j]])
-                   for i, w in self.moving for j, v in self.moving)
+        x = added(times(w, self.x[i]) for i, w in self.moving)
+        var = added(times(w * v, self.cov[self.place[i, j]])
+                    for i, w in self.moving for j, v in self.moving)
         if self.table.modes == 1:
             return x[0].copy(), var[0].copy()
         mean = (self.mu * x).sum(0)
@@ -408,7 +409,7 @@ class Bank:
         return np.where(below < above, value, -value)
 
 
-def _times(factor, a):
+def times(factor: Any, a: Any) -> Any:
     """Return a product, the array itself where the factor is the number one."""
     return a if isinstance(factor, float) and factor == 1.0 else factor * a
 
@@ -430,12 +431,12 @@ def _combine(terms, out, spare):
         out[:] = total
 
 
-def _sum(terms):
-    """Add arrays without starting from zero."""
-    total = None
+def added(terms: Iterable[Any]) -> Any:
+    """Return the sum of arrays, not begun from zero: it costs another array; 0 of none."""
+    out = None
     for t in terms:
-        total = t if total is None else total + t
-    return total
+        out = t if out is None else out + t
+    return 0.0 if out is None else out
 
 
 def log_density(log_l: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .design import Design
-from .imm import Bank, Entries
+from .imm import added, Bank, Entries, times
 from .lanes import Lanes, Layout
 from .stamps import Clock
 
@@ -81,13 +81,13 @@ class Likelihood:
     def times(self, v: Any) -> list:
         """Return J v, [d]; a component of v that is None is zero."""
         d = range(len(self.h))
-        return [_total(self.j[min(i, k), max(i, k)] * v[k] for k in d if v[k] is not None)
+        return [added(self.j[min(i, k), max(i, k)] * v[k] for k in d if v[k] is not None)
                 for i in d]
 
     def shifted(self, by: list) -> Likelihood:
         """Return the same about c + by."""
         turned = self.times(by)
-        log_k = self.log_k + _total((h - 0.5 * t) * b for h, t, b in zip(self.h, turned, by))
+        log_k = self.log_k + added((h - 0.5 * t) * b for h, t, b in zip(self.h, turned, by))
         return Likelihood(self.j, [h - t for h, t in zip(self.h, turned)], log_k)
 
     def blurred(self, parts: list) -> Likelihood:
@@ -100,8 +100,8 @@ class Likelihood:
         j, h, det, more = self.j, self.h, 1.0, 0.0
         for s, v in parts:
             jv = Likelihood(j, h, 0.0).times(v)
-            share = 1 + s * _total(a * b for a, b in zip(jv, v) if b is not None)
-            vh = _total(a * b for a, b in zip(h, v) if b is not None)
+            share = 1 + s * added(a * b for a, b in zip(jv, v) if b is not None)
+            vh = added(a * b for a, b in zip(h, v) if b is not None)
             weight = s / share
             pull = weight * vh
             h = [a - b * pull for a, b in zip(h, jv)]
@@ -160,7 +160,7 @@ def backward(bank: Bank, earlier: Kept, later: Kept, after: Likelihood) -> tuple
 def _weighed(bank: Bank, later: Kept, said: Likelihood) -> Likelihood:
     """Return a likelihood about the mean of a moment with that moment's samples in it."""
     centre, r = later.mean(), later.e.r
-    off = later.z - _total(w * centre[i] for i, w in bank.seen)
+    off = later.z - added(w * centre[i] for i, w in bank.seen)
     precision = 1 / r
     j, h = dict(said.j), list(said.h)
     for n, (i, a) in enumerate(bank.seen):
@@ -174,13 +174,13 @@ def _carried(bank: Bank, e: Entries, said: Likelihood, centre: list, old: list) 
     """Return for each mode what a likelihood says of the state an interval before, about c."""
     d = range(bank.table.size)
     phi = e.phi
-    to = [_total(_by(phi[i, k], centre[k]) for k in bank.rows[i]) - old[i] for i in d]
+    to = [added(times(phi[i, k], centre[k]) for k in bank.rows[i]) - old[i] for i in d]
     said = said.shifted(to).blurred(factors(e.q, bank.table.size))
     columns = {k: [i for i in d if (i, k) in phi] for k in d}
-    half = [[_total(_by(phi[m, k], said.j[min(i, m), max(i, m)]) for m in columns[k])
+    half = [[added(times(phi[m, k], said.j[min(i, m), max(i, m)]) for m in columns[k])
              if columns[k] else 0.0 for k in d] for i in d]                # J Phi
-    j = {(i, k): _total(_by(phi[m, i], half[m][k]) for m in columns[i]) for i, k in bank.pairs}
-    h = [_total(_by(phi[m, k], said.h[m]) for m in columns[k]) for k in d]
+    j = {(i, k): added(times(phi[m, i], half[m][k]) for m in columns[i]) for i, k in bank.pairs}
+    h = [added(times(phi[m, k], said.h[m]) for m in columns[k]) for k in d]
     return Likelihood(j, h, said.log_k)
 
 
@@ -241,9 +241,9 @@ def _rate(bank: Bank, now: Kept, log_k: Any, h: list, j: dict) -> tuple:
     mu = np.log(np.maximum(now.mu, 1e-300)) + log_k
     mu = np.exp(mu - mu.max(0))
     mu = mu / mu.sum(0)
-    p = [_total(w * now.p[min(i, k), max(i, k)] for k, w in bank.moving) for i in d]
-    x = _total(w * now.x[i] for i, w in bank.moving) + _total(p[i] * h[i] for i in d)
-    var = _total(w * p[i] for i, w in bank.moving) - _total(
+    p = [added(w * now.p[min(i, k), max(i, k)] for k, w in bank.moving) for i in d]
+    x = added(w * now.x[i] for i, w in bank.moving) + added(p[i] * h[i] for i in d)
+    var = added(w * p[i] for i, w in bank.moving) - added(
         p[i] * p[k] * j[min(i, k), max(i, k)] for i in d for k in d)
     rate = (mu * x).sum(0)
     return rate, (mu * (np.maximum(var, 0.0) + (x - rate) ** 2)).sum(0)
@@ -262,17 +262,6 @@ def _trace(b: dict, c: dict, size: int) -> Any:
                 if v[k] is not None and v[m] is not None:
                     c[k, m] = c[k, m] - v[k] * row[m] - v[m] * row[k] + v[k] * v[m] * row[i]
     return total
-
-
-def _by(factor: Any, value: Any) -> Any:
-    return value if isinstance(factor, float) else factor * value
-
-
-def _total(terms: Any) -> Any:
-    total = None
-    for t in terms:
-        total = t if total is None else total + t
-    return 0.0 if total is None else total
 
 
 def keep(bank: Bank, z: np.ndarray, e: Entries, begins: Any = None) -> Kept:
