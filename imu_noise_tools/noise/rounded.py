@@ -32,6 +32,8 @@ MANY = 1 << 20  # samples whose angle or colour is followed
 REMEMBERED = 4  # blocks for which a band remembers how loud it was
 GONE, FAINT, LEAST = 0.4, 0.02, 1e-6    # counts^2: its error is another; no colour; no turn
 ORDERS, LAGS = 40, 65  # of polynomials, samples in which what a rounding adds has a colour
+_LEVELS, _EDGES = np.arange(-REACH, REACH + 1), np.arange(-REACH, REACH) + 0.5  # about the middle
+_TIME = (np.arange(PIECES) + 0.5) / PIECES - 0.5    # of pieces about the middle of a block
 
 
 def coarse(step: float, sigma: float) -> bool:
@@ -248,10 +250,8 @@ def _of_one_noise(counts: np.ndarray) -> tuple[np.ndarray, float]:
     certain the louder they happen to be.
 
     """
-    level = np.arange(-REACH, REACH + 1)
-
     def variance(share):
-        return float(np.mean(share @ level**2 - (share @ level) ** 2))
+        return float(np.mean(share @ _LEVELS**2 - (share @ _LEVELS) ** 2))
 
     total = counts.sum(axis=1)
     there = variance(total / total.sum(axis=1, keepdims=True))
@@ -269,10 +269,8 @@ def _of_one_noise(counts: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _powers(place: np.ndarray) -> np.ndarray:
     """Return the power (k,) of each Hermite polynomial in levels about places (blocks, 3)."""
-    time = (np.arange(PIECES) + 0.5) / PIECES - 0.5
-    mean = place[:, :1] + place[:, 1:2] * time
-    edges = np.arange(-REACH, REACH) + 0.5
-    u = np.clip((edges - mean[..., None]) * np.exp(-place[:, 2])[:, None, None], -30, 30)
+    mean = place[:, :1] + place[:, 1:2] * _TIME
+    u = np.clip((_EDGES - mean[..., None]) * np.exp(-place[:, 2])[:, None, None], -30, 30)
     # orthonormal ones times the density: He_(k+1) = u He_k - k He_(k-1)
     here, before = np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi), np.zeros(u.shape)
     out = []
@@ -291,7 +289,7 @@ def _counted(y: np.ndarray, step: float) -> np.ndarray:
     block = piece // PIECES
     own = np.rint(np.bincount(block, level) / np.bincount(block))
     level = np.clip(level - own[block], -REACH, REACH) + REACH
-    levels = 2 * REACH + 1
+    levels = len(_LEVELS)
     counts = np.bincount(piece * levels + level.astype(int), minlength=blocks * PIECES * levels)
     return counts.reshape(blocks, PIECES, levels).astype(float)
 
@@ -303,10 +301,8 @@ def _shares(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     By mean, slope (over the block) and the logarithm of the noise, in steps: (blocks, 3).
 
     """
-    time = (np.arange(PIECES) + 0.5) / PIECES - 0.5
     mean, slope, noise = (v[:, None, None] for v in place.T)
-    edges = np.arange(-REACH, REACH) + 0.5
-    u = np.clip((edges - mean - slope * time[:, None]) * np.exp(-noise), -30, 30)
+    u = np.clip((_EDGES - mean - slope * _TIME[:, None]) * np.exp(-noise), -30, 30)
     density = np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi)
 
     def cells(v, first, last):
@@ -321,7 +317,7 @@ def _shares(place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     share[..., -1] = tail[..., -1]
     by_mean = -cells(density, 0.0, 0.0) * np.exp(-noise)
     return np.maximum(share, 1e-200), np.array([
-        by_mean, by_mean * time[:, None], -cells(u * density, 0.0, 0.0)])
+        by_mean, by_mean * _TIME[:, None], -cells(u * density, 0.0, 0.0)])
 
 
 def _likeliest(counts: np.ndarray, usual: float, prior: float) -> np.ndarray:
@@ -331,9 +327,8 @@ def _likeliest(counts: np.ndarray, usual: float, prior: float) -> np.ndarray:
     That noise is as ``usual`` counts as much as ``prior`` degrees of freedom.
 
     """
-    level = np.arange(-REACH, REACH + 1)
     total = counts.sum(axis=1)
-    mean = total @ level / total.sum(axis=1)
+    mean = total @ _LEVELS / total.sum(axis=1)
     place = np.column_stack([mean, 0 * mean, np.full(len(mean), np.log(0.4))])
     damping = np.full(len(mean), 1e-3)
     share, slope = _shares(place)
