@@ -16,6 +16,7 @@ TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
 #: log-likelihood falls at zero where an amplitude is surely there, at the ends of a 95 % interval,
 #: and at a one-sided 95 % limit
 CHI2_995, CHI2_95, CHI2_90 = 7.879438576622417, 3.841458820694124, 2.705543454095404
+MEDIAN = 0.4549     # of chi-squared with one degree of freedom
 MAD = 1.482602218505602         # standard deviation over median absolute deviation, if normal
 FAR = (101, 149, 211)  # samples: longer than any hold
 LENGTHS = 3, 50     # of equal samples, that rounding makes seldom and a sensor holds

@@ -16,13 +16,13 @@ import numpy as np
 
 from .passing import projected
 from ..core.spectrum import line_basis
+from ..core.statistics import MEDIAN
 
 REACH = 2   # widths on either side of the middle that are looked at
 STEADY, SWITCHED = -2.0, 4.5    # what a Gaussian band passes once in a thousand (simulated)
 SOME = 40   # independent amplitudes from which one that stays is told from one that swings
 BESIDE = 4   # times as far as the level beside the band is read (a choice)
 CUT = 0.1    # of its power in the outer quarters: a band is wider than what is looked at
-MEDIAN = 0.4549     # of a squared normal number
 RATES = np.geomspace(0.5, 40, 14)   # 1/T: how fast a line may fade
 NARROW, WIDEST = 4, 64  # coefficients: of a line that fades
 LIKELIER = 20.0     # nats, than one that stays (a choice: far beyond chance)

@@ -30,7 +30,7 @@ from ..core.spectrum import (
     line_basis,
     line_coefficients,
 )
-from ..core.statistics import median_of, row_medians
+from ..core.statistics import MEDIAN, median_of, row_medians
 from ..loop.verdict import DIRECTED
 
 CURVED = 256  # coefficients whose level is read from a parabola
@@ -85,8 +85,7 @@ def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
         some = c[max(1, k - reach):k + reach + 1]
         if len(some) > 2048:
             some = some[:: len(some) // 2048 + 1]
-        # the median of chi-squared with one degree of freedom
-        values[i] = median_of(2 * dt * some * some) / 0.4549
+        values[i] = median_of(2 * dt * some * some) / MEDIAN
     at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
     level = _smoothed_below(CURVED, c, dt, centres, level)
     out = np.empty(n - 1)

@@ -17,7 +17,9 @@ from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ..views import of_nats
 from ...core.spectrum import cosine_transform
-from ...core.statistics import grid_step, hold, in_a_row, interval, repeats, row_medians
+from ...core.statistics import (
+    grid_step, hold, in_a_row, interval, MEDIAN, repeats, row_medians
+)
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 from ...loop.verdict import SURE as NAMED
 
@@ -45,7 +47,6 @@ FAINT = float(np.log(100.0))  # nats of a knock that others hear there
 CLEAR = 50.0  # nats of a knock of which an axis hears a third, and of what surely dies out
 BY_CHANCE = 0.05  # share of all that is looked at that seems to be heard by chance
 KEPT = ('begin', 'end', 'size', 'decay', 'error', 'worth')     # of what is loud
-MEDIAN = 0.4549  # of chi-squared with one degree of freedom
 
 
 class Shock(Defect):
