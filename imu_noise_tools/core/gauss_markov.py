@@ -29,6 +29,12 @@ def innovation_variance(sigma: float, tc: float, dt: float) -> float:
     return float(-(sigma**2) * np.expm1(-2 * dt / tc))
 
 
+def state_space(sigma: float, tc: float, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (Phi, Q, H), (1, 1) each: x_{k+1} = Phi x_k + w, w ~ Q, y_k = H x_k."""
+    return (np.array([[phi(dt, tc)]]), np.array([[innovation_variance(sigma, tc, dt)]]),
+            np.ones((1, 1)))
+
+
 def psd(f: np.ndarray, sigma: float, tc: float, dt: float) -> np.ndarray:
     """
     Return the one-sided PSD of the sampled process at f (Hz), of its shape, unit^2/Hz.

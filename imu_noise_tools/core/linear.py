@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 TOLD_APART = 1e-6  # of a Gram matrix the smallest of the largest eigenvalue: ten digits are left
 SILENT = 1e-280  # of a signal behind a filter: the inverse of what is left is no number
@@ -93,6 +94,18 @@ def _decomposed(x: np.ndarray, gram: np.ndarray) -> tuple[np.ndarray, np.ndarray
         u, s, vt = u[:, keep], s[keep], vt[keep]
         told = vt.T / s / scale[:, None]
     return u, told, 2 * float(np.log(s).sum() + np.log(scale).sum())
+
+
+def nonnegative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """
+    Return what fits columns x (q, p), none below zero, to y (q,), nothing of it below zero, (p,).
+
+    Each column as large as the others: their units are orders of magnitude apart.
+
+    """
+    scale = np.max(x, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    return np.asarray(nnls(x / scale, y)[0] / scale)
 
 
 def log_size(x: np.ndarray) -> float:

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from scipy.optimize import nnls
 
 from .oscillation import Oscillation, parameters
 from .statespace import Block, Look, nothing, OutputNoise
 from ..core import gauss_markov
+from ..core.linear import nonnegative
 from ..core.units import DEG
 from ..loop.effect import Effect, Model, Parameter
 from ..noise.kinds import Line, Spectrum
@@ -124,12 +124,8 @@ class GaussMarkov(OutputNoise):
     def block(self, dt: float) -> Block:
         """Return one AR(1) state."""
         sigma, tc = self['sigma'], self['tc']
-        return Block(
-            np.array([[gauss_markov.phi(dt, tc)]]),
-            np.array([[gauss_markov.innovation_variance(sigma, tc, dt)]]),
-            np.ones(1),
-            np.array([[sigma**2]]),
-        )
+        phi, q, h = gauss_markov.state_space(sigma, tc, dt)
+        return Block(phi, q, h[0], np.array([[sigma**2]]))
 
 
 class RandomWalk(OutputNoise):
@@ -314,8 +310,7 @@ def gauss_markov_terms(
     tc = np.geomspace(shortest, longest, count)
     f = np.geomspace(10 ** 0.5 / longest, 10 ** -0.5 / shortest, 200) / (2 * np.pi)
     shares = np.array([gauss_markov.psd(f, 1.0, c, dt) for c in tc]).T / psd(f, dt)[:, None]
-    scale = shares.max(axis=0)
-    variance = nnls(shares / scale, np.ones(len(f)))[0] / scale
+    variance = nonnegative(shares, np.ones(len(f)))
     error = float(np.max(np.abs(shares @ variance - 1)))
     return Model(GaussMarkov({'sigma': max(float(np.sqrt(v)), SMALLEST), 'tc': float(c)})
                  for v, c in zip(variance, tc)), error

@@ -22,10 +22,10 @@ from typing import TypeAlias
 import numpy as np
 from scipy.fft import dct, idst
 from scipy.ndimage import maximum_filter1d, median_filter
-from scipy.optimize import nnls
 from scipy.special import chdtri, polygamma
 
 from .lines import without_lines
+from ..core.linear import nonnegative
 from ..core.record import AXES
 from ..core.spectrum import Bins
 
@@ -505,8 +505,7 @@ def own_noise(bins: Bins, power: np.ndarray, heard: np.ndarray | float = 0.0,
     # of levels that scatter the low ones count the more: E[1/x] / E[1/x^2] of lognormal ones
     middle = rest * level * np.exp(1.5 * np.minimum(scatter, 2 / ENOUGH))
     scaled = np.sqrt(w)[:, None] * basis / middle[:, None]
-    scale = np.max(scaled, axis=0)
-    return level, seen, basis @ (nnls(scaled / scale, np.sqrt(w))[0] / scale)
+    return level, seen, basis @ nonnegative(scaled, np.sqrt(w))
 
 
 def signals(axis: str, c: np.ndarray, dt: float, f: np.ndarray, above: np.ndarray | None,

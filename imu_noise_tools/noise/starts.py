@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from typing import cast, TypeAlias
 
 import numpy as np
-from scipy.optimize import nnls
 
 from .kinds import (
     Coupling, Defect, FILTERS, foreign, Mean, MEASURED, model_gain2, NoiseEffect, Parameter,
@@ -17,6 +16,7 @@ from .kinds import (
 )
 from .likelihood import Likelihood
 from ..core.errors import FitError
+from ..core.linear import nonnegative
 from ..core.spectrum import Bins, smooth
 from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
@@ -254,8 +254,7 @@ def _background(bins: Bins, power: np.ndarray) -> np.ndarray:
     level, least = smooth(power), max(LEAST * float(np.median(power)), 1e-100)
     for _ in range(ROUNDS):
         w = np.sqrt(bins.count) / np.maximum(level, least)
-        scale = np.max(shape * w[:, None], axis=0)
-        level = shape @ (nnls(shape * w[:, None] / scale, power * w)[0] / scale)
+        level = shape @ nonnegative(shape * w[:, None], power * w)
     return np.maximum(level, least)
 
 
@@ -488,9 +487,7 @@ def _squares(likelihood, model, names):
     passes = np.sqrt(likelihood.weight) * tells
     for _ in range(3):
         w = passes / level
-        scale = np.max(shape * w[:, None], axis=0)
-        scale[scale == 0] = 1.0     # a peak in bins that do not count
-        a2 = nnls(shape * w[:, None] / scale, target * w)[0] / scale
+        a2 = nonnegative(shape * w[:, None], target * w)
         level = np.maximum(shape @ a2 + fixed, 1e-3 * floor)
     return a2, np.max(shape / level[:, None], axis=0)
 

@@ -73,8 +73,7 @@ class GaussMarkov(Spectrum):
 
     def state_space(self, dt: float) -> StateSpace | None:
         """One decaying state."""
-        q = gauss_markov.innovation_variance(self['sigma'], self['tc'], dt)
-        return np.array([[gauss_markov.phi(dt, self['tc'])]]), np.array([[q]]), np.ones((1, 1))
+        return gauss_markov.state_space(self['sigma'], self['tc'], dt)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the recursion, started stationary."""

@@ -340,9 +340,7 @@ class Rts(Spectrum):
 
     def state_space(self, dt: float) -> StateSpace | None:
         """One decaying state of the same spectrum."""
-        q = gauss_markov.innovation_variance(self['step'] / 2, self['tau'] / 2, dt)
-        phi = gauss_markov.phi(dt, self['tau'] / 2)
-        return np.array([[phi]]), np.array([[q]]), np.ones((1, 1))
+        return gauss_markov.state_space(self['step'] / 2, self['tau'] / 2, dt)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add two levels that switch with probability (1 - e^(-2 dt/tau))/2 a sample."""
