@@ -225,14 +225,18 @@ class Evidence:
     clipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _self: object = field(default_factory=object, init=False, repr=False, compare=False)
-    _measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
-    _begun: dict = field(default_factory=dict, init=False, repr=False, compare=False)
-    _quick: dict[int, Inputs] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _steadier: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    #: what was worked out of it, by what was asked for
+    _made: dict[tuple, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     #: what effects put into the bins of a part, for the likelihoods of all models
     units: Mapping[str, Anew] = field(
         default_factory=lambda: {part: Anew() for part in PART_NAMES}, init=False, repr=False,
         compare=False)
+
+    def _once(self, key: tuple, make: Callable[[], Any]) -> Any:
+        """Return what was made for a key, or make it."""
+        if key not in self._made:
+            self._made[key] = make()
+        return self._made[key]
 
     @property
     def slow_t(self) -> np.ndarray:
@@ -285,14 +289,14 @@ class Evidence:
         as good as that of all blocks.
 
         """
-        if many not in self._quick:
+        def make() -> Inputs:
             inputs, n = self.even_inputs, len(self.slow_t)
             places = 2 * next_fast_len(max(many // 2, min(n // 2, QUICK)))
             at, here = (np.arange(places) + 0.5) * n / places - 0.5, np.arange(n)
-            self._quick[many] = Inputs(
-                np.interp(at, here, inputs.t), inputs.dt,
-                {k: np.interp(at, here, x) for k, x in inputs.covariates.items()})
-        return self._quick[many]
+            return Inputs(np.interp(at, here, inputs.t), inputs.dt,
+                          {k: np.interp(at, here, x) for k, x in inputs.covariates.items()})
+
+        return self._once(('inputs', many), make)
 
     @cached_property
     def course(self) -> Course | None:
@@ -465,18 +469,14 @@ class Evidence:
 
     def measured(self, effect: Defect | Modulation) -> Finding | None:
         """Return what a defect finds or a modulation measures here, worked out once."""
-        key = type(effect), tuple(sorted(effect.values.items()))
-        if key not in self._measured:
-            found = effect.find(self) if isinstance(effect, Defect) else effect.measure(self)
-            self._measured[key] = found
-        return self._measured[key]
+        find = effect.find if isinstance(effect, Defect) else effect.measure
+        key = 'measured', type(effect), *sorted(effect.values.items())
+        return self._once(key, lambda: find(self))
 
     def starts(self, effect: NoiseEffect) -> list[Effect]:
         """Return where a fit should start an effect from, worked out once."""
-        key = type(effect), effect.label, tuple(sorted(effect.values.items()))
-        if key not in self._begun:
-            self._begun[key] = effect.starts(self)
-        return list(self._begun[key])
+        key = 'starts', type(effect), effect.label, *sorted(effect.values.items())
+        return list(self._once(key, lambda: effect.starts(self)))
 
     @cached_property
     def as_rounded(self) -> Evidence:
@@ -490,10 +490,8 @@ class Evidence:
 
     def steadier(self, key: tuple, make: Callable[[np.ndarray], np.ndarray]) -> Evidence:
         """Return it with a power in time (blocks, bands) made of its own, once for a key."""
-        if key not in self._steadier:
-            made = np.array([make(power) for power in self.block_power])
-            self._steadier[key] = replace(self, block_power=made)
-        return self._steadier[key]
+        return self._once(('steadier', *key), lambda: replace(
+            self, block_power=np.array([make(power) for power in self.block_power])))
 
     def with_power(self, power: np.ndarray) -> Evidence:
         """Return the evidence with another power of the whole (b,), for starts to look at."""
