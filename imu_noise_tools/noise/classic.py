@@ -77,19 +77,13 @@ class _CurveTerms:
 
     def __init__(self, evidence: Evidence, model: Model):
         self.curve = c = evidence.curve
-        self.effects = [
-            e
-            for e in model.of(NoiseEffect)
-            if isinstance(e, (Spectrum, Mean))
-            and type(e).avar is not Mean.avar
-            and len([p for p in e.parameters if p.amplitude]) == 1
-        ]
+        self.effects = [e for e in model.of(NoiseEffect) if isinstance(e, (Spectrum, Mean))
+                        and type(e).avar is not Mean.avar and len(e.amplitudes) == 1]
         self.rest = sum((e.share(c.n * c.dt) * e.avar(c.m, c.dt) for e in model.of(Line)),
                         np.zeros(len(c.m)))
         self.shapes = [(e.label, p.name) for e in self.effects for p in e.parameters
                        if not p.amplitude]
-        self.amplitude = {e.label: next(p.name for p in e.parameters if p.amplitude)
-                          for e in self.effects}
+        self.amplitude = {e.label: e.amplitudes[0] for e in self.effects}
 
     def values(self, effect: NoiseEffect, x: np.ndarray) -> dict[str, float]:
         """Return the values of an effect's shapes."""

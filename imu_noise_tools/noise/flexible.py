@@ -26,7 +26,8 @@ from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import (
-    Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Response, Spectrum
+    Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, owners, Response,
+    Spectrum
 )
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, told_by_gains
@@ -664,8 +665,7 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
         return ''
     spent = _spent(timed.values())
     means = views.block_means(evidence, fit)
-    owners = ['', *(m.label for m in fit.model.of(Mean) for p in m.parameters if p.linear)]
-    others = means.columns[:, [owner not in timed for owner in owners]]
+    others = means.columns[:, [k not in timed for k in ('', *owners(fit.model.of(Mean)))]]
     left, words = left_by_a_course(means.t, means.y, others, views.root_of(means.covariance))
     better = _unexplained(means, means.columns) - left
     more = PARAMETERS - spent
@@ -739,14 +739,13 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     rival = max(rival, fit_part(evidence, unfitted(rival.model), intervals=False, start=begun,
                                 basis=rival.details.hint), key=lambda f: f.log_likelihood)
     means = views.block_means(evidence, rival)
-    owners = np.array(['', *(m.label for m in rival.model.of(Mean)
-                             for p in m.parameters if p.linear)])
+    whose = np.append('', owners(rival.model.of(Mean)))
     left = _unexplained(means, means.columns)
     # it may do it all: where next to nothing is left to all of them, neither is it to one
     together = gained(Bands.on(evidence.whole.bins), alone.details, rival.details)
     most = max(together, 0.0) if together <= FLEXIBLE else np.inf
     return np.array([rival.model['knee']['steepness'], *(
-        min(_unexplained(means, means.columns[:, owners != label]) - left, most)
+        min(_unexplained(means, means.columns[:, whose != label]) - left, most)
         for label in labels)])
 
 

@@ -13,7 +13,7 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
@@ -174,6 +174,16 @@ class NoiseEffect(Effect):
                 spread = np.linspace(p.lower, p.upper, 5)[1:-1]
             grid = [{**g, p.name: float(s)} for g in grid for s in spread]
         return [self.with_values(**g) for g in grid]
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """Names of its linear parameters, in their order."""
+        return tuple(p.name for p in self.parameters if p.linear)
+
+    @property
+    def amplitudes(self) -> tuple[str, ...]:
+        """Names of those of its parameters that say how much there is of it."""
+        return tuple(p.name for p in self.parameters if p.amplitude)
 
     @property
     def knees(self) -> int:
@@ -353,12 +363,22 @@ class Mean(NoiseEffect):
         """Return how far the mean may go by what it follows and the steps of its readings hide."""
         return 0.0
 
+    @property
+    def nonlinear(self) -> dict[str, float]:
+        """Values of all but its linear parameters, by name, as ``columns`` takes them."""
+        return {p.name: self[p.name] for p in self.parameters if not p.linear}
+
+    @property
+    def placed(self) -> bool:
+        """Whether all that its columns depend on has a value."""
+        return all(p.linear or p.name in self.values for p in self.parameters)
+
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""
-        linear = [p.name for p in self.parameters if p.linear]
-        rest = {k: v for k, v in self.values.items() if k not in linear}
+        rest = {k: v for k, v in self.values.items() if k not in self.linear}
         # a study of before an effect had a parameter does without
-        return self.columns(inputs, **rest) @ np.array([self.values.get(k, 0.0) for k in linear])
+        return self.columns(inputs, **rest) @ np.array(
+            [self.values.get(k, 0.0) for k in self.linear])
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return what it adds to the Allan variance, (k,), unit^2, in a closed form; else zero."""
@@ -491,7 +511,7 @@ class Coupling(NoiseEffect):
 
     def gains(self, evidence: Evidence) -> Iterator[tuple[str, float]]:
         """Return each of its channels with its gain."""
-        return zip(self.channels(evidence), (self[p.name] for p in self.parameters if p.linear))
+        return zip(self.channels(evidence), (self[k] for k in self.linear))
 
 
 NOTHING = 1e-16     # squared gain: double precision has no less of what passes
@@ -633,7 +653,7 @@ def measured(value: float, std: float) -> Estimate:
 
 def model_hides(model: Model, view: str) -> bool:
     """Tell whether a defect of a model hides a view."""
-    return any(view in d.hides and all(d[p.name] > 0 for p in d.parameters if p.amplitude)
+    return any(view in d.hides and all(d[k] > 0 for k in d.amplitudes)
                for d in model.of(Defect) if d.values)
 
 
@@ -651,6 +671,11 @@ def psd_behind(effect: Spectrum, model: Model, f: np.ndarray, dt: float) -> np.n
 def responses_on(effect: Spectrum, model: Model) -> list[Response]:
     """Return the model's responses that act on an effect."""
     return [r for r in model.of(Response) if r.acts_on(effect)]
+
+
+def owners(effects: Iterable[NoiseEffect]) -> np.ndarray:
+    """Return the labels (p,) of whose the linear parameters of effects are, in their order."""
+    return np.array([e.label for e in effects for _ in e.linear], dtype=str)
 
 
 def foreign(model: Model) -> list[Spectrum]:

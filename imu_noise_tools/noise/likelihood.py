@@ -30,6 +30,7 @@ from .kinds import (
     MEASURED,
     model_crowd,
     NoiseEffect,
+    owners,
     Response,
     responses_on,
     Spectrum,
@@ -240,7 +241,7 @@ class Likelihood:
 
     def slow_columns(self, effect: Mean, once: bool = False) -> np.ndarray:
         """Return the slow coefficients (q, p) of the columns of an effect."""
-        rest = {p.name: effect[p.name] for p in effect.parameters if not p.linear}
+        rest = effect.nonlinear
         # a lag and a mean temperature are those of the whole record
         e = self.evidence
         inputs = e.quick_inputs(4 * SLOWEST if effect.slow else len(e.slow_t) // 2) \
@@ -374,8 +375,7 @@ class Likelihood:
             return None
         if self._known is not None:
             return slow - self._known, first
-        known = [m for m in (model[m.label] for m in self.means)
-                 if all(p.linear or p.name in m.values for p in m.parameters)]
+        known = [m for m in (model[m.label] for m in self.means) if m.placed]
         if not known:
             return None
         root = np.sqrt(2 * self.dt / self._fine(v)) * self._counted()
@@ -406,7 +406,7 @@ class Likelihood:
     @staticmethod
     def _shapes_of(effect):
         """Return what the columns of an effect go with."""
-        return effect.label, *(effect[p.name] for p in effect.parameters if not p.linear)
+        return effect.label, *effect.nonlinear.values()
 
     def _lately(self, key, make):
         """Return what was made for a key, or make it; the last few are kept."""
@@ -501,15 +501,15 @@ class Likelihood:
     def _changes_of_columns(self, x, of, h: float = 1e-3):
         """Return first and second derivatives (k, q, p) of the columns by some of x (p,)."""
         model = self.with_search(x)
-        owners = np.array([m.label for m in self.means for p in m.parameters if p.linear])
-        change, bend = np.zeros((2, len(of), self._count, len(owners)))
+        whose = owners(self.means)
+        change, bend = np.zeros((2, len(of), self._count, len(whose)))
         for k, slot in enumerate(self.slots[j] for j in of):
             own, at = cast(Mean, model[slot.label]), x[of[k]]
             up, down = (self.slow_columns(own.with_values(
                 **{slot.parameter.name: slot.from_search(at + step)}), once=True)
                 for step in (h, -h))
             some = (up - down) / (2 * h), (up - 2 * self._slow_columns_of(own) + down) / h**2
-            change[k][:, owners == slot.label], bend[k][:, owners == slot.label] = some
+            change[k][:, whose == slot.label], bend[k][:, whose == slot.label] = some
         return change, bend
 
     def _change_of_lines(self, slow, root):
@@ -579,8 +579,7 @@ class Likelihood:
         The couplings have the values that the model gives them.
 
         """
-        beta = [e[p.name] for e in (model[c.label] for c in self.couplings)
-                for p in e.parameters if p.linear]
+        beta = [model[c.label][k] for c in self.couplings for k in c.linear]
         return self._decoupled(np.array(beta), self._channels(model))[0]
 
     def left_to(self, model: Model, v: np.ndarray,
@@ -599,8 +598,8 @@ class Likelihood:
                         self.evidence.coupled_first(a, here)[:self._count] for a in others]))
 
         pair, here = self.evidence.coupled, self.part_name
-        gains = {known: c[p.name] for c in (model[c.label] for c in self.couplings)
-                 for known, p in zip(self._channels_of(c), (p for p in c.parameters if p.linear))}
+        gains = {known: model[c.label][k] for c in self.couplings
+                 for known, k in zip(self._channels_of(model[c.label]), c.linear)}
         beta = np.array(list(gains.values()))
         cross = np.array([pair(self.evidence.axis, n, here) for n in names])
         known, slow = shared(gains)
@@ -668,8 +667,7 @@ class Likelihood:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
         out = np.zeros(len(self.power))
         for e in model.of(Coupling):
-            linear = (p.name for p in e.parameters if p.linear)
-            for channel, name in zip(self._channels_of(e), linear):
+            for channel, name in zip(self._channels_of(e), e.linear):
                 if channel in self._spreads:
                     out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
         return out
@@ -699,7 +697,7 @@ class Likelihood:
         kept by its key; without an amplitude there is none.
 
         """
-        amplitude = [p.name for p in effect.parameters if p.amplitude]
+        amplitude = effect.amplitudes
         size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
         if not size > 0:
             return 1.0, (), self._psd(effect)
@@ -915,8 +913,7 @@ def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
     """
     model = fit.model
     solved = Likelihood(evidence, 'whole', model).solve_linear(model, fit.details.v)
-    owners = [e.label for e in model.of(Coupling) for p in e.parameters if p.linear]
-    mine = np.flatnonzero(np.array(owners) == label)
+    mine = np.flatnonzero(owners(model.of(Coupling)) == label)
     gains = solved.beta[mine]
     return 0.5 * float(gains @ inverse(solved.covariance[np.ix_(mine, mine)]) @ gains)
 

@@ -182,7 +182,7 @@ def _best_columns(likelihood, model, effect, options, finer):
     slow = likelihood.slow_rest(model, power)
     known = [
         likelihood.slow_columns(m) for m in model.of(Mean)
-        if m.label != effect.label and all(p.linear or p.name in m.values for p in m.parameters)
+        if m.label != effect.label and m.placed
     ]
     proposed = [likelihood.slow_columns(o) for o in options]
     for again in range(2):
@@ -425,30 +425,21 @@ def _with_amplitudes(likelihood, model, shares):
     None below a share, one for each, of where it matters most.
 
     """
-    spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect)
-               and any(p.amplitude for p in e.parameters)]
+    spectra = [e for e in model.of(Spectrum) if not isinstance(e, Defect) and e.amplitudes]
     for e in spectra:
-        amplitude = [p.name for p in e.parameters if p.amplitude]
-        rest = {
-            p.name: float(np.sqrt(p.lower * p.upper))
-            for p in e.parameters
-            if p.name not in e.values and p.name not in amplitude
-        }
-        model = model.with_effect(e.with_values(**rest, **{a: 1.0 for a in amplitude}))
+        rest = {p.name: float(np.sqrt(p.lower * p.upper)) for p in e.parameters
+                if p.name not in e.values and not p.amplitude}
+        model = model.with_effect(e.with_values(**rest, **dict.fromkeys(e.amplitudes, 1.0)))
     for e in model.effects:
-        rest = {
-            p.name: (float(np.sqrt(p.lower * p.upper)) if p.log else 0.0)
-            for p in e.parameters
-            if p.name not in e.values
-        }
+        rest = {p.name: float(np.sqrt(p.lower * p.upper)) if p.log else 0.0
+                for p in e.parameters if p.name not in e.values}
         model = model.with_effect(model[e.label].with_values(**rest))
     names, out = [e.label for e in spectra], []
     squares, matters = _squares(likelihood, model, names)
     for share in shares:
         for name, value in zip(names, np.maximum(squares, share / matters)):
             e = model[name]
-            amplitude = next(p.name for p in e.parameters if p.amplitude)
-            model = model.with_effect(e.with_values(**{amplitude: float(np.sqrt(value))}))
+            model = model.with_effect(e.with_values(**{e.amplitudes[0]: float(np.sqrt(value))}))
         out.append(np.array(
             [slot.to_search(model[slot.label][slot.parameter.name]) for slot in likelihood.slots]))
     return out

@@ -94,7 +94,7 @@ def muted_by(fit: Fit, view: str) -> bool:
 
 
 def _there(fit: Fit, effect) -> bool:
-    there = any(effect[p.name] > 0 for p in effect.parameters if p.amplitude)
+    there = any(effect[k] > 0 for k in effect.amplitudes)
     if there and not isinstance(effect, Defect):  # fitted, and never quite zero
         mine = fit.details.each.get(effect.label) if fit.details else None
         there = mine is None or bool(np.max(mine / fit.details.v) > 0.01)
@@ -343,9 +343,7 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
         y, noise = y - s.path(e), noise.minus(s.label)
     columns = [np.ones((len(y), 1))]
     for m in fit.model.of(Mean):
-        columns.append(
-            m.columns(e.slow_inputs, **{p.name: m[p.name] for p in m.parameters if not p.linear})
-        )
+        columns.append(m.columns(e.slow_inputs, **m.nonlinear))
     x = mean(np.concatenate(columns, axis=1))
     scale = np.sqrt(np.mean(x**2, axis=0))
     covariance = (
