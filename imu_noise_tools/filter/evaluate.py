@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc, ndtr, ndtri
 
 from ..core.spectrum import bins_of, cosine_transform, power
-from ..core.statistics import gamma_excess, gamma_pull, normal_pull
+from ..core.statistics import gamma_excess, gamma_pull, kurtosis_pull
 from ..loop.effect import Finding, Score, View
 
 LAGS = 20               # of the Ljung-Box test
@@ -62,15 +62,6 @@ def excess_kurtosis(u: np.ndarray) -> float:
     square = (u - np.mean(u)) ** 2
     variance = float(np.mean(square))
     return float(np.mean(square ** 2)) / variance ** 2 - 3.0 if variance > 0 else 0.0
-
-
-def kurtosis_tail(u: np.ndarray) -> float:
-    """Return the p-value of the kurtosis of u (n,) if it is normal (Anscombe, Glynn 1983)."""
-    n = float(len(u))
-    mean = -6 / (n + 1)             # of the excess
-    variance = 24 * n * (n - 2) * (n - 3) / ((n + 1) ** 2 * (n + 3) * (n + 5))
-    z = float((excess_kurtosis(u) - mean) / np.sqrt(variance))
-    return float(2 * ndtr(-abs(normal_pull(z, n))))
 
 
 def autocorrelation(u: np.ndarray, lags: int) -> np.ndarray:
@@ -212,7 +203,7 @@ def omnibus(
         ),
         (
             'kurtosis',
-            kurtosis_tail(smooth),
+            float(2 * ndtr(-abs(kurtosis_pull(smooth - np.mean(smooth))))),
             'distribution',
             f'excess kurtosis is {excess_kurtosis(smooth):.3g}',
         ),
