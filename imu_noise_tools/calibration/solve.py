@@ -351,8 +351,8 @@ def _unweighted(system: Equations):
     matrix = np.einsum('nij,njk->nik', readings, system.matrix.reshape(n, 3, m)).reshape(-1, m)
     right = np.einsum('nij,nj->ni', readings, system.right.reshape(n, 3)).ravel()
     size = np.linalg.norm(matrix, axis=0)
-    inverse = np.linalg.pinv(matrix / np.where(size > 0, size, 1.0)) / np.where(size > 0, size,
-                                                                                1.0)[:, None]
+    size = np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(matrix / size) / size[:, None]
     spread = np.einsum('kni,nij->knj', inverse.reshape(m, n, 3), readings).reshape(m, -1)
     return inverse @ right, spread @ spread.T
 
