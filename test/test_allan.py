@@ -195,7 +195,7 @@ def test_degrees_of_freedom_of_a_power_law(alpha):
     """Against the exact sums of Greenhall and Riley (2003) for a second difference of phase."""
     n = 2048
     m = 2 ** np.arange(9)
-    edf = allan.degrees_of_freedom(m ** LAWS[alpha], m, n)
+    edf = allan.equivalent_freedom(m ** LAWS[alpha], m, n)
     greenhall = np.array([allantools.edf_greenhall(alpha, 2, int(k), n + 1, overlapping=True)
                           for k in m])
     # SP 1065's simple forms are good to a few per cent, but for red noise at the shortest tau,
@@ -211,7 +211,7 @@ def test_degrees_of_freedom_of_a_power_law(alpha):
 def test_degrees_of_freedom_side_by_side(alpha):
     n = 2048
     m = 2 ** np.arange(9)
-    edf = allan.degrees_of_freedom(m ** LAWS[alpha], m, n, overlapping=False)
+    edf = allan.equivalent_freedom(m ** LAWS[alpha], m, n, overlapping=False)
     greenhall = np.array([allantools.edf_greenhall(alpha, 2, int(k), n + 1, overlapping=False)
                           for k in m])
     np.testing.assert_allclose(edf[1:], greenhall[1:], rtol=0.2)
@@ -272,7 +272,7 @@ def _drawn(variance) -> allan.AllanCurve:
     n, dt = 1_080_000, 0.01
     m = allan.cluster_sizes(n)
     dev = np.sqrt(variance(m * dt))
-    edf = allan.degrees_of_freedom(dev, m, n)
+    edf = allan.equivalent_freedom(dev, m, n)
     return allan.AllanCurve('oadev', dt, n, m, n - 2 * m + 1, dev, *allan.interval(dev, edf), edf)
 
 

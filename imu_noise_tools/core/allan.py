@@ -176,7 +176,7 @@ def curve(
         dev, count = np.sqrt(standard_variance(y, m)), n // m - 1
     else:
         m, count, dev = _by_allantools(y, deviation, m)
-    edf = degrees_of_freedom(dev, m, n, overlapping=deviation != 'adev')
+    edf = equivalent_freedom(dev, m, n, overlapping=deviation != 'adev')
     lo, hi = interval(dev, edf)
     return AllanCurve(deviation, dt, n, m, count, dev, lo, hi, edf)
 
@@ -230,7 +230,7 @@ def smooth_slope(m: np.ndarray, dev: np.ndarray, decades: float = 0.5) -> np.nda
     return out
 
 
-def degrees_of_freedom(
+def equivalent_freedom(
     dev: np.ndarray, m: np.ndarray, n: int, overlapping: bool = True
 ) -> np.ndarray:
     """

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from .times import ARRIVALS, REMEDY, STANDING
-from ..core.allan import degrees_of_freedom, interval
+from ..core.allan import equivalent_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
 from ..core.record import ImuRecord
@@ -95,7 +95,7 @@ class LiveCurve:
         lo, hi = np.empty_like(dev), np.empty_like(dev)
         for k in range(dev.shape[1]):
             seen = np.maximum(dev[:, k], np.finfo(float).tiny)
-            lo[:, k], hi[:, k] = interval(dev[:, k], degrees_of_freedom(seen, m, self.n))
+            lo[:, k], hi[:, k] = interval(dev[:, k], equivalent_freedom(seen, m, self.n))
         return m * dt, dev, lo, hi
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ..core import units
-from ..core.allan import AllanCurve, degrees_of_freedom, interval
+from ..core.allan import AllanCurve, equivalent_freedom, interval
 from ..core.statistics import gamma_pull, means_of_blocks
 from ..loop.prediction import observable, State
 from ..loop.verdict import CHANCE, STRIKING
@@ -78,7 +78,7 @@ def _degrees(c: AllanCurve, total, steady):
 
     """
     noise = np.maximum(total - steady, 1e-6 * total)
-    edf = degrees_of_freedom(np.sqrt(noise), c.m, c.n, c.deviation == 'oadev')
+    edf = equivalent_freedom(np.sqrt(noise), c.m, c.n, c.deviation == 'oadev')
     return edf * (total / noise) ** 2 / (1 + 2 * steady / noise)
 
 
