@@ -17,7 +17,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from .record import AXES, HUGE, ImuRecord, sensor_of
+from .record import AXES, ImuRecord, possible, sensor_of
 from .units import in_percent
 
 LEAST = 100             # samples that tell
@@ -89,7 +89,7 @@ def narrowed(shares: Sequence[float]) -> float:
 
 def _ends(x: np.ndarray, clipped: Callable[..., bool]) -> tuple[float, ...]:
     """Return the least and the greatest value, where x (n,) is clipped there."""
-    finite = np.abs(x) < HUGE
+    finite = possible(x)
     some = x if finite.all() else x[finite]
     if len(some) < LEAST or some.min() == some.max() or len(np.unique(some[:20_000])) <= LEVELS:
         return ()

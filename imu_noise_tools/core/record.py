@@ -19,6 +19,11 @@ MASKED = 'masked'  # why a stretch that a person named is left out
 HUGE = 1e30         # no sensor's value in any unit, and its square overflows in sums
 
 
+def possible(x: np.ndarray) -> np.ndarray:
+    """Tell of each value x (...) whether a sensor may give it: it is finite and not absurd."""
+    return np.abs(x) < HUGE
+
+
 def sensor_of(axis: str) -> str:
     """Return ``gyro`` or ``accel`` for an axis; raise UsageError for an unknown axis."""
     if axis not in AXES:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .record import HUGE, ImuRecord
+from .record import ImuRecord, possible
 from .statistics import in_a_row, median_sigma
 
 BOX_S = 0.07            # three running means of this length leave 1 % of a vibration above 20 Hz
@@ -232,7 +232,7 @@ def _smooth(x: np.ndarray, unit: int, rate: float) -> np.ndarray:
     Gaps are closed.
 
     """
-    good = np.abs(x) < HUGE
+    good = possible(x)
     if not good.all():
         x = (
             np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
@@ -277,7 +277,7 @@ def _white(data: np.ndarray) -> np.ndarray:
     """
     some = data[:200_000]
     second = some[2:] - 2 * some[1:-1] + some[:-2]
-    second = second[(np.abs(second) < HUGE).all(axis=1)]
+    second = second[possible(second).all(axis=1)]
     if not len(second):
         return np.zeros(3)
     robust = median_sigma(second, axis=0)
@@ -294,7 +294,7 @@ def _at_gaps(record: ImuRecord) -> np.ndarray:
 def finite_mean(data: np.ndarray) -> np.ndarray:
     """Return the means (k,) of the finite values of each column of (n, k), NaN where none is."""
     return np.array([
-        x[good].mean() if (good := np.abs(x) < HUGE).any() else np.nan for x in data.T])
+        x[good].mean() if (good := possible(x)).any() else np.nan for x in data.T])
 
 
 def _mean(record: ImuRecord, sensor: str, a: int, b: int) -> np.ndarray | None:

@@ -19,7 +19,7 @@ from .values import (
     where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
-from ..core.record import AXES, HUGE, ImuRecord, Memory, sensor_of
+from ..core.record import AXES, ImuRecord, Memory, possible, sensor_of
 from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, still_stretches
 from ..core.units import G0, times
@@ -256,7 +256,7 @@ def _drift(record: ImuRecord) -> tuple[float | None, float | None]:
 
 def resolution(x: np.ndarray) -> Resolution:
     """Return the step of an axis's output and how many different values it takes."""
-    step, levels = grid_step(x[np.abs(x) < HUGE])
+    step, levels = grid_step(x[possible(x)])
     return Resolution(step or None, levels)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
 from scipy.special import gammainccinv, gammaincinv
 
-from ..core.record import HUGE, ImuRecord, SENSORS
+from ..core.record import ImuRecord, possible, SENSORS
 
 LOOKED_AT = 200_000     # samples that tell
 LEAST = 0.2             # share of samples for which it holds on all axes at once
@@ -59,7 +59,7 @@ def united(record: ImuRecord) -> list[str]:
 
 def _how(x: np.ndarray, t: np.ndarray) -> tuple[str, str] | None:
     """Return how samples (n, 3) at t (n,) came about, and the rate (Hz) behind them."""
-    x = x[:, (np.ptp(x, axis=0) > 0) & (np.max(np.abs(x), axis=0) < HUGE)]
+    x = x[:, (np.ptp(x, axis=0) > 0) & possible(x).all(axis=0)]
     span = float(t[-1] - t[0])
     if x.shape[1] < 2 or not (np.isfinite(x).all() and span > 0):
         return None

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.clipped import ends_in_words
 from ..core.clock import STAMPED_HZ
-from ..core.record import AXES, HUGE, ImuRecord, sensor_of
+from ..core.record import AXES, ImuRecord, possible, sensor_of
 from ..core.statistics import longest_in_a_row
 from ..core.stillness import finite_mean
 from ..core.units import A_COUNT, to_si
@@ -33,7 +33,7 @@ def finite(record: ImuRecord) -> np.ndarray:
     for data in record.data:
         for k in range(3):
             # column by column: many times faster than along the rows
-            good &= np.abs(data[:, k]) < HUGE
+            good &= possible(data[:, k])
     return good
 
 
@@ -41,7 +41,7 @@ def not_finite(record: ImuRecord) -> dict[str, tuple[int, float]]:
     """Return how many samples of each axis :func:`finite` is not of, and when the first is, s."""
     found = {}
     for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
-        bad = ~(np.abs(record.column(axis)) < HUGE)
+        bad = ~possible(record.column(axis))
         if bad.any():
             found[axis] = int(bad.sum()), float(record.t[int(np.argmax(bad))])
     return found
@@ -154,7 +154,7 @@ def _likely_gyro(data: np.ndarray) -> str:
 def _are_whole(data: np.ndarray) -> bool:
     """Tell whether the values (n, 3) are whole numbers, as those of a converter are."""
     some = data[:10_000]
-    some = some[np.abs(some) < HUGE]
+    some = some[possible(some)]
     return bool(len(some) and np.all(some == np.round(some)))
 
 
@@ -181,7 +181,7 @@ def _scatter(data: np.ndarray) -> np.ndarray:
     """Return the scatter of the samples, (3,), from neighbours."""
     step = np.diff(data[:100_000], axis=0)
     return np.array(
-        [x[good].std() if (good := np.abs(x) < HUGE).any() else 0.0 for x in step.T]
+        [x[good].std() if (good := possible(x)).any() else 0.0 for x in step.T]
     ) / np.sqrt(2)
 
 
@@ -197,9 +197,9 @@ def too_fast(record: ImuRecord) -> list[str]:
     if record.gyro is None:
         return []
     rate = np.abs(np.asarray(record.gyro))
-    if not np.any(np.sum((rate > FASTEST) & (rate < HUGE), axis=0) >= FAST):
+    if not np.any(np.sum((rate > FASTEST) & possible(rate), axis=0) >= FAST):
         return []
-    most = float(np.max(rate[np.isfinite(rate) & (rate < HUGE)]))
+    most = float(np.max(rate[possible(rate)]))
     return [f'{SUSPECTED}: the gyro reads up to {most:.3g} rad/s '
             f'({np.degrees(most):.2g} deg/s), beyond the range of any usual one'
             + _likely_gyro(record.gyro)]
