@@ -121,9 +121,7 @@ def wider(dof: int | None) -> float:
     return float((stdtrit(dof, 0.975) / TWO_SIDED) ** 2) if dof else 1.0
 
 
-def settled(
-    scale: np.ndarray, cov: np.ndarray, dof: int | None
-) -> tuple[np.ndarray, np.ndarray]:
+def settled(scale: np.ndarray, cov: np.ndarray, dof: int | None) -> tuple[np.ndarray, np.ndarray]:
     """
     Return (turn, cov): what to multiply S by from the right, and the covariance after it.
 

@@ -100,12 +100,8 @@ class Calibration:
         return Correction(self.sensor, self.S, self.bias, self.fit.model,
                           self.poses.reference_temperature)
 
-    def apply(
-        self,
-        raw: np.ndarray,
-        temperature: np.ndarray | None = None,
-        force: np.ndarray | None = None,
-    ) -> np.ndarray:
+    def apply(self, raw: np.ndarray, temperature: np.ndarray | None = None,
+              force: np.ndarray | None = None) -> np.ndarray:
         """Return corrected samples, (n, 3) or (3,); see :class:`Correction`."""
         return self.correction.apply(raw, temperature, force)
 

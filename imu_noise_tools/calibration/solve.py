@@ -308,15 +308,8 @@ def start(poses: Poses, method: str = 'norm') -> Any:
     return np.diag(radius * size / poses.magnitude), centre * size + middle[:, 0]
 
 
-def restricted(
-    model: Model,
-    effect: Scatter,
-    amplitude: float,
-    poses: Poses,
-    scale: np.ndarray,
-    tilt: float,
-    method: str,
-) -> float:
+def restricted(model: Model, effect: Scatter, amplitude: float, poses: Poses, scale: np.ndarray,
+               tilt: float, method: str) -> float:
     """Return the restricted log-likelihood, nats, at a scatter's amplitude; scale (3, 3) is S."""
     trial = effect.with_values(**{effect.parameters[0].name: amplitude})
     trial = model.with_effect(trial) if effect.label in model else model + trial

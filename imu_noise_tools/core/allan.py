@@ -256,11 +256,8 @@ def equivalent_freedom(
     by_law = {
         2: (phases + 1) * (phases - 2 * m) / (2 * (phases - m)),
         1: (3 * (phases - 1) / (2 * m) - 2 * (phases - 2) / phases) * 4 * m**2 / (4 * m**2 + 5),
-        0: np.where(
-            m == 1,
-            2 * (phases - 2) ** 2 / (2.3 * phases - 4.9),
-            5 * phases**2 / (4 * m * (phases + 3 * m)),
-        ),
+        0: np.where(m == 1, 2 * (phases - 2) ** 2 / (2.3 * phases - 4.9),
+                    5 * phases**2 / (4 * m * (phases + 3 * m))),
         -1: (phases - 2)
         / m
         * ((phases - 1) ** 2 - 3 * m * (phases - 1) + 4 * m**2)

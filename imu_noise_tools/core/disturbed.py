@@ -219,13 +219,8 @@ def disturbance(
     )
 
 
-def _steps(
-    record: ImuRecord,
-    axes: list[str],
-    middle: np.ndarray,
-    found: list[tuple[int, int]],
-    length: int,
-) -> list[Disturbance]:
+def _steps(record: ImuRecord, axes: list[str], middle: np.ndarray, found: list[tuple[int, int]],
+           length: int) -> list[Disturbance]:
     """Return sharp steps of the mean that stay; none of an axis that steps often."""
     out = []
     wide = max(4, round(5 * record.rate_hz / length))

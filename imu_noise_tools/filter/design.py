@@ -50,9 +50,7 @@ class Design:
     @property
     def linear(self) -> bool:
         """Whether each axis is one linear Gaussian model, which has a steady state."""
-        return self.motion is not None and not any(
-            jumps(m) for m in (*self.motion, *self.noise)
-        )
+        return self.motion is not None and not any(jumps(m) for m in (*self.motion, *self.noise))
 
     @property
     def r(self) -> np.ndarray:
@@ -109,13 +107,8 @@ def white(model: Model) -> FilterEffect:
     return found
 
 
-def design(
-    motion: Any = AUTO,
-    noise: Any = ('white',),
-    alpha: float = 1.0,
-    values: Any = None,
-    axes: int = 3,
-) -> Design:
+def design(motion: Any = AUTO, noise: Any = ('white',), alpha: float = 1.0, values: Any = None,
+           axes: int = 3) -> Design:
     """
     Return a design from names.
 

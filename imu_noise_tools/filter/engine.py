@@ -108,17 +108,9 @@ class Engine:
 
     """
 
-    def __init__(
-        self,
-        motion: Any = AUTO,
-        noise: Any = ('white',),
-        alpha: float = 1.0,
-        rate_hz: float | None = None,
-        values: Any = None,
-        history: int = 32768,
-        axes: int = 3,
-        delay: float = 0.0,
-    ):
+    def __init__(self, motion: Any = AUTO, noise: Any = ('white',), alpha: float = 1.0,
+                 rate_hz: float | None = None, values: Any = None, history: int = 32768,
+                 axes: int = 3, delay: float = 0.0):
         self.axes = axes
         self.counts = Counts()
         self._clock: Clock              # once the rate is known

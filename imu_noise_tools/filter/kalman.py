@@ -77,14 +77,8 @@ class Steady:
         return float(self.space.rate @ self.after @ self.space.rate)
 
 
-def riccati(
-    phi: np.ndarray,
-    q: np.ndarray,
-    h: np.ndarray,
-    r: float,
-    alpha: float = 1.0,
-    doublings: int = 50,
-) -> np.ndarray | None:
+def riccati(phi: np.ndarray, q: np.ndarray, h: np.ndarray, r: float, alpha: float = 1.0,
+            doublings: int = 50) -> np.ndarray | None:
     """
     Return the predicted covariance P^- in steady state, or None where there is none.
 
@@ -242,14 +236,8 @@ class Run:
     p: np.ndarray
 
 
-def resume(
-    space: StateSpace,
-    z: np.ndarray,
-    x: np.ndarray,
-    p: np.ndarray,
-    alpha: float = 1.0,
-    steady: Steady | None = None,
-) -> Run:
+def resume(space: StateSpace, z: np.ndarray, x: np.ndarray, p: np.ndarray, alpha: float = 1.0,
+           steady: Steady | None = None) -> Run:
     """
     Filter evenly spaced z (n,) from the prediction (x, P) of its first sample.
 

@@ -82,14 +82,8 @@ class ArIncrement(Motion):
         Parameter(
             'phi', '1', -0.99, 0.99, log=False, title='correlation of neighbouring increments'
         ),
-        Parameter(
-            'q',
-            '({rate})^2',
-            1e-16,
-            1.0,
-            amplitude=True,
-            title='variance of the innovation, each step',
-        ),
+        Parameter('q', '({rate})^2', 1e-16, 1.0, amplitude=True,
+                  title='variance of the innovation, each step'),
     )
 
     @classmethod

@@ -42,9 +42,7 @@ class Placed(NamedTuple):
     part: tuple[int, int]
 
 
-def placed(
-    t: np.ndarray, z: np.ndarray, target: str, held: np.ndarray | None = None
-) -> Placed:
+def placed(t: np.ndarray, z: np.ndarray, target: str, held: np.ndarray | None = None) -> Placed:
     """
     Return the longest stretch of a record that no pause interrupts, or its beginning.
 

@@ -64,15 +64,9 @@ class FilterProblem(Problem):
     domain = DOMAIN
     looks = 0   # a recursion over all samples for each candidate, beside each candidate
 
-    def __init__(
-        self,
-        z: np.ndarray,
-        dt: float,
-        target: str = 'gyro_x',
-        stated: Mapping | None = None,
-        alpha: float = 1.0,
-        whole: FilterProblem | None = None,
-    ):
+    def __init__(self, z: np.ndarray, dt: float, target: str = 'gyro_x',
+                 stated: Mapping | None = None, alpha: float = 1.0,
+                 whole: FilterProblem | None = None):
         self.z, self.dt, self.alpha = np.asarray(z, float), float(dt), float(alpha)
         self.step: float = whole.step if whole else grid_step(self.seen)[0]
         self._target = target
@@ -252,15 +246,9 @@ class FilterProblem(Problem):
             if gain > penalty and self._lost(after) < (1 - HEALED) * self._lost(fit):
                 heals = ''  # most is explained: what is left is another effect's
             out.append(
-                Finding(
-                    name,
-                    float(gain),
-                    new,
-                    after.estimates.get(new.label, {}),
-                    float(penalty),
-                    heals,
-                    f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})',
-                )
+                Finding(name, float(gain), new, after.estimates.get(new.label, {}), float(penalty),
+                        heals,
+                        f'{effect.signature} (log-likelihood {gain:+.1f}, chance {penalty:.1f})')
             )
         return sorted(out, key=lambda f: f.penalty - f.gain)
 
@@ -313,10 +301,7 @@ class FilterProblem(Problem):
 
     def _lost(self, fit: Fit) -> float:
         """Return the deviance from what a true model would score."""
-        return sum(
-            v.excess * len(v.pull)
-            for v in self._score(fit.model).views.values()
-        )
+        return sum(v.excess * len(v.pull) for v in self._score(fit.model).views.values())
 
     def summary(self, fit: Fit) -> dict[str, float]:
         """Return the nats lost per sample on the second half by the fit of the first."""
@@ -433,12 +418,9 @@ def _line_near(z, f, dt):
     width = 1 / (n * dt)
     grid = np.clip(f + width * np.linspace(-0.75, 0.75, 7), 0.25 * width, None)
     near = grid[int(np.argmax([abs(wave(x)) for x in grid]))]
-    found = minimize_scalar(
-        lambda x: -abs(wave(x)),
-        bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
-        method='bounded',
-        options={'maxiter': 12},
-    )
+    found = minimize_scalar(lambda x: -abs(wave(x)),
+                            bounds=(max(near - width / 4, 0.2 * width), near + width / 4),
+                            method='bounded', options={'maxiter': 12})
     return float(found.x), 2 * abs(wave(found.x)) / n
 
 

@@ -49,15 +49,8 @@ class Filtered:
     delay: float = 0.0
 
 
-def filter_record(
-    t: np.ndarray,
-    z: np.ndarray,
-    design: Design,
-    rate_hz: float | None = None,
-    progress: Any = None,
-    smooth: bool = False,
-    delay: float = 0.0,
-) -> Filtered:
+def filter_record(t: np.ndarray, z: np.ndarray, design: Design, rate_hz: float | None = None,
+                  progress: Any = None, smooth: bool = False, delay: float = 0.0) -> Filtered:
     """
     Filter samples z (n, axes) at stamps t (s) in the order in which they came.
 

@@ -170,9 +170,7 @@ class Judgement:
     worth: np.ndarray
 
 
-def judge(
-    bands: Bands, ratio: np.ndarray, count: np.ndarray, nearly: float = NEARLY
-) -> Judgement:
+def judge(bands: Bands, ratio: np.ndarray, count: np.ndarray, nearly: float = NEARLY) -> Judgement:
     """
     Return which bands agree with a fit.
 

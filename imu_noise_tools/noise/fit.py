@@ -70,19 +70,9 @@ class Details:
         return self.basis or Explained(np.ones(0), np.ones(len(self.v)))
 
 
-def fit(
-    evidence: Evidence,
-    model: Model,
-    part: str = 'whole',
-    *,
-    mean: Fit | None = None,
-    intervals: bool = True,
-    cautious: bool | None = None,
-    start: Model | None = None,
-    basis: Explained | None = None,
-    hint: Explained | None = None,
-    robust: bool = True,
-) -> Fit:
+def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | None = None,
+        intervals: bool = True, cautious: bool | None = None, start: Model | None = None,
+        basis: Explained | None = None, hint: Explained | None = None, robust: bool = True) -> Fit:
     """
     Fit a model to one part of one axis.
 

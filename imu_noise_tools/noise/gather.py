@@ -72,16 +72,9 @@ def smooth_length(n: int) -> int:
     return n
 
 
-def gather(
-    record: ImuRecord,
-    axes: Sequence[str],
-    *,
-    deviation: str = 'oadev',
-    points: int = 100,
-    octaves: bool = False,
-    progress: Callable[[float, str], None] | None = None,
-    memory: Memory | None = None,
-) -> dict[str, Evidence]:
+def gather(record: ImuRecord, axes: Sequence[str], *, deviation: str = 'oadev', points: int = 100,
+           octaves: bool = False, progress: Callable[[float, str], None] | None = None,
+           memory: Memory | None = None) -> dict[str, Evidence]:
     """
     Return the evidence of each axis of a prepared (still, evenly sampled, finite) record.
 

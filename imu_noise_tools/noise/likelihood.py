@@ -143,14 +143,8 @@ class Likelihood:
 
     """
 
-    def __init__(
-        self,
-        evidence: Evidence,
-        part: str,
-        model: Model,
-        mean: Fit | None = None,
-        explained: Explained | None = None,
-    ):
+    def __init__(self, evidence: Evidence, part: str, model: Model, mean: Fit | None = None,
+                 explained: Explained | None = None):
         response = explained.response() if explained else None
         if response is not None and response.label not in model:
             model = model.plus(response)

@@ -89,12 +89,8 @@ def with_units(finding: Finding, evidence: Evidence) -> Finding:
     return replace(
         finding,
         estimates={
-            k: replace(
-                v,
-                unit=units.si(known[k].unit, evidence.sensor),
-                fixed=True,
-                point=float(effect.values[k]),
-            )
+            k: replace(v, unit=units.si(known[k].unit, evidence.sensor), fixed=True,
+                       point=float(effect.values[k]))
             for k, v in finding.estimates.items()
         },
     )

@@ -102,15 +102,9 @@ def duration_for(
     return float(high)
 
 
-def durations_for(
-    model: Model,
-    estimates: Mapping[str, Mapping[str, Estimate]],
-    label: str,
-    name: str,
-    dt: float,
-    wanted: float = 0.2,
-    begin: float = 60.0,
-) -> tuple[float | None, float | None]:
+def durations_for(model: Model, estimates: Mapping[str, Mapping[str, Estimate]], label: str,
+                  name: str, dt: float, wanted: float = 0.2,
+                  begin: float = 60.0) -> tuple[float | None, float | None]:
     """
     Return how long a record (s) shows a parameter to a relative precision: at least, at most.
 

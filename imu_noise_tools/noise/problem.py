@@ -49,14 +49,8 @@ class NoiseProblem(Problem):
 
     domain = 'noise'
 
-    def __init__(
-        self,
-        evidence: Evidence,
-        part: str = 'whole',
-        whole: NoiseProblem | None = None,
-        method: str = 'likelihood',
-        bias_at: str = 'flat',
-    ):
+    def __init__(self, evidence: Evidence, part: str = 'whole', whole: NoiseProblem | None = None,
+                 method: str = 'likelihood', bias_at: str = 'flat'):
         if method not in METHODS:
             raise unknown('method', method, METHODS)
         self.evidence, self.part = evidence, part

@@ -301,9 +301,7 @@ def lacks(found: Found) -> bool:
     likelihood = found.likelihood
     model = likelihood.with_search(found.x)
     v, each = likelihood.spectra(model)
-    return any(
-        e.never_absent and np.max(each[e.label] / v) < _LEAST for e in model.of(Spectrum)
-    )
+    return any(e.never_absent and np.max(each[e.label] / v) < _LEAST for e in model.of(Spectrum))
 
 
 def _behind_responses(bands: Bands, found: Found, hint: Explained | None, given: Model | None):

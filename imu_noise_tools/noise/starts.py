@@ -455,9 +455,7 @@ def _squares(likelihood, model, names):
     if not names:
         return np.zeros(0), np.ones(0)
     _, each = likelihood.spectra(model)
-    fixed = sum(
-        (v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power))
-    )
+    fixed = sum((v for k, v in each.items() if k not in names), np.zeros(len(likelihood.power)))
     shape = np.array([each[k] for k in names]).T
     power = likelihood.power
     if likelihood.couplings:  # what another channel puts there is not the noise's

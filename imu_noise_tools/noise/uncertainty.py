@@ -87,15 +87,8 @@ def _linear_estimates(likelihood, linear):
         unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
         if slot.parameter.amplitude and lo <= 0 <= hi:
             upper = abs(value) + ONE_SIDED * std
-            e = Estimate(
-                None,
-                std,
-                (0.0, max(abs(lo), abs(hi))),
-                unit,
-                upper95=upper,
-                point=value,
-                note='not observable: the interval holds zero',
-            )
+            e = Estimate(None, std, (0.0, max(abs(lo), abs(hi))), unit, upper95=upper, point=value,
+                         note='not observable: the interval holds zero')
         else:
             e = Estimate(value, std, (lo, hi), unit, point=value)
         out.setdefault(slot.label, {})[slot.parameter.name] = e

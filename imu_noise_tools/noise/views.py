@@ -55,14 +55,8 @@ FAINT = 0.1
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
     count = max(len(excess), 1)
-    return View(
-        name,
-        np.asarray(x),
-        np.asarray(pull),
-        float(np.sum(excess)) / count,
-        float(np.sqrt(np.sum(variance) + extra)) / count,
-        unit,
-    )
+    return View(name, np.asarray(x), np.asarray(pull), float(np.sum(excess)) / count,
+                float(np.sqrt(np.sum(variance) + extra)) / count, unit)
 
 
 def _nothing(name, unit):
@@ -699,14 +693,8 @@ def variance(evidence: Evidence, fit: Fit) -> View:
     t, x, w = t[told], x[told], w[told]
     excess, spread = gamma_excess(x, w)
     excess = excess + SKEW / w
-    view = _view(
-        'variance',
-        np.repeat(t, x.shape[1]),
-        gamma_pull(x, w).ravel(),
-        excess.ravel(),
-        spread.ravel() * (1 - 1 / blocks),
-        's',
-    )
+    view = _view('variance', np.repeat(t, x.shape[1]), gamma_pull(x, w).ravel(), excess.ravel(),
+                 spread.ravel() * (1 - 1 / blocks), 's')
     return replace(view, muted=muted)
 
 
@@ -825,14 +813,8 @@ def coherence(evidence: Evidence, fit: Fit, part: str = 'whole') -> View:
         spread.append(2 * (w - 1) / (w + 2))
     if not x:
         return _nothing('coherence', 'Hz')
-    return _view(
-        'coherence',
-        np.concatenate(x),
-        np.concatenate(pulls),
-        np.concatenate(excess),
-        np.concatenate(spread),
-        'Hz',
-    )
+    return _view('coherence', np.concatenate(x), np.concatenate(pulls), np.concatenate(excess),
+                 np.concatenate(spread), 'Hz')
 
 
 def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,

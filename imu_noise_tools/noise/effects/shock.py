@@ -181,14 +181,9 @@ class Shock(Defect):
         times = ', '.join(
             f'{t:.1f}' for t in np.sort(kept['begin'][whole])[:5] * float(kept['dt']))
         said = f', ringing at {values["ring"]:.4g} Hz' if ringing else ''
-        return Finding(
-            self.name,
-            float(np.sum(worth)),
-            self.with_values(**values),
-            estimates,
-            view='moments' if ringing else 'distribution',
-            evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s{said}',
-        )
+        return Finding(self.name, float(np.sum(worth)), self.with_values(**values), estimates,
+                       view='moments' if ringing else 'distribution',
+                       evidence=f'{k} shocks at {times}{" ..." if k > 5 else ""} s{said}')
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add decaying rings, or bursts of white noise, at random times."""

@@ -35,25 +35,10 @@ class Step(Mean):
     several = True
     decide = 'record again: a step does not come back at the same time'
     parameters = (
-        Parameter(
-            'size',
-            '{rate}',
-            -1e3,
-            1e3,
-            log=False,
-            amplitude=True,
-            linear=True,
-            title='height of the step',
-        ),
-        Parameter(
-            'time',
-            's',
-            0.0,
-            1e7,
-            log=False,
-            discrete=True,
-            title='when, from the beginning of the record',
-        ),
+        Parameter('size', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True,
+                  title='height of the step'),
+        Parameter('time', 's', 0.0, 1e7, log=False, discrete=True,
+                  title='when, from the beginning of the record'),
     )
 
     def starts(self, evidence: Evidence) -> list[Effect]:

@@ -29,16 +29,8 @@ class Transient(Mean):
     reference = 'IEEE 1554, warm-up time'
     decide = 'record again after an hour of warm-up: a transient is gone'
     parameters = (
-        Parameter(
-            'amplitude',
-            '{rate}',
-            -1e3,
-            1e3,
-            log=False,
-            amplitude=True,
-            linear=True,
-            title='excess at the beginning',
-        ),
+        Parameter('amplitude', '{rate}', -1e3, 1e3, log=False, amplitude=True, linear=True,
+                  title='excess at the beginning'),
         Parameter('tc', 's', 1e-2, 1e6, title='time constant'),
     )
 
