@@ -122,6 +122,11 @@ class Poses:
         """Return the poses with these inputs, (3, n)."""
         return replace(self, inputs=np.asarray(inputs, float))
 
+    def directed(self, scale: np.ndarray, rest: np.ndarray) -> Poses:
+        """Return the poses as directed as S (3, 3) sees them in the outputs less (3, n)."""
+        return self.with_inputs(
+            self.magnitude * unit(np.linalg.solve(scale, self.outputs - rest)))
+
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return all fields as plain arrays by name, for an npz file; shapes as above."""
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}

@@ -572,11 +572,9 @@ def _directed(fit: Fit, poses: Poses) -> tuple[np.ndarray, Poses]:
     system = fit.details.equations
     state = solve.State(poses, system.keys, system.theta)
     scale, bias = state.scale, state.bias
-    poses = poses.with_inputs(poses.magnitude
-                              * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
+    poses = poses.directed(scale, bias[:, None])
     for _ in range(5):
-        inner = poses.outputs - solve.rest_of(fit.model, scale, poses)
-        poses = poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
+        poses = poses.directed(scale, solve.rest_of(fit.model, scale, poses))
     return scale, poses
 
 

@@ -293,8 +293,8 @@ def _method(poses: Poses) -> str:
 def _norm_equations(poses):
     """Return the equations of the norm fit, near its solution."""
     scale, bias = solve.start(poses)
-    inputs = poses.magnitude * unit(np.linalg.solve(scale, poses.outputs - bias[:, None]))
-    return equations(solve.base_model(), poses.with_inputs(inputs), scale, 0.0, 'norm')[0]
+    poses = poses.directed(scale, bias[:, None])
+    return equations(solve.base_model(), poses, scale, 0.0, 'norm')[0]
 
 
 def _refuse_little_spread(poses: Poses, notes) -> None:

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from . import faces
 from .effects import BASE, Regressor, Scatter
 from .linear import elements, Equations, equations, MAGNITUDES, tilt_of
-from .poses import Poses, unit
+from .poses import Poses
 from ..core.errors import FitError, unknown, UsageError
 from ..core.statistics import CHI2_90, CHI2_95, interval, ONE_SIDED, TWO_SIDED
 from ..core.units import si
@@ -228,8 +228,7 @@ def _iterate(model, poses, method, tilt):
     free = method in (*MAGNITUDES, 'faces')
     scale, bias = start(poses, method) if free else (_rough_scale(poses), np.zeros(3))
     if method in MAGNITUDES and not poses.known or method == 'faces':
-        poses = poses.with_inputs(poses.magnitude
-                                  * unit(np.linalg.solve(scale, poses.outputs - bias[:, None])))
+        poses = poses.directed(scale, bias[:, None])
     # without unknown directions S enters the weights alone, unless an effect changes the input
     weights = 1e-10 if any(e.at_input for e in model.of(Regressor)) else 1e-4
     for _ in range(_TURNS):
@@ -254,8 +253,7 @@ def _directed(model, state, poses):
     size = np.abs(scale).max() ** 3
     if not np.isfinite(size) or abs(np.linalg.det(scale)) < 1e-12 * size:
         raise FitError('the norm fit diverges', 'add poses in other directions')
-    inner = poses.outputs - rest_of(state.filled(model), scale, poses)
-    return poses.with_inputs(poses.magnitude * unit(np.linalg.solve(scale, inner)))
+    return poses.directed(scale, rest_of(state.filled(model), scale, poses))
 
 
 def _sound(scale, system):
