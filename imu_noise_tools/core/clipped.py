@@ -17,7 +17,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from .record import AXES, ImuRecord, possible, sensor_of
+from .record import ImuRecord, possible, sensor_of
 from .units import in_percent
 
 LEAST = 100             # samples that tell
@@ -55,7 +55,7 @@ def at_ends(record: ImuRecord) -> dict[str, tuple[tuple[float, int], ...]]:
     for begin, end, _ in record.left_out:
         keep[slice(*np.searchsorted(record.t, (begin, end)))] = False
     found = {}
-    for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
+    for axis in record.columns:
         x = record.column(axis)
         x = x if keep.all() else x[keep]
         found[axis] = tuple((end, int(np.sum(x == end))) for end in ends_of_range(x))

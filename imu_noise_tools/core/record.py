@@ -196,9 +196,12 @@ class ImuRecord:
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the axes that are there, without those that are stuck."""
-        return tuple(
-            a for a in AXES if getattr(self, sensor_of(a)) is not None and a not in self.stuck
-        )
+        return tuple(a for a in self.columns if a not in self.stuck)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the axes that are there, stuck or not."""
+        return tuple(a for a in AXES if getattr(self, sensor_of(a)) is not None)
 
     @property
     def data(self) -> list[np.ndarray]:

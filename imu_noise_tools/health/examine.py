@@ -19,7 +19,7 @@ from .values import (
     where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
-from ..core.record import AXES, ImuRecord, Memory, possible, sensor_of
+from ..core.record import ImuRecord, Memory, possible
 from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, still_stretches
 from ..core.units import G0, times
@@ -124,11 +124,10 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     stamps = examine_stamps(record)
     tidy = ordered(record, memory)
     clock = fit_clock(tidy.t)
-    there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
 
     def each(what: Callable) -> dict:
         found = {}
-        for a in there:
+        for a in record.columns:
             found[a] = what(record.column(a))
             memory.rest()
         return found
@@ -169,7 +168,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
         directions=_directions(tidy, still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
-        warm_up=tuple(a for a in there if rest.n >= 1000 and _warms_up(rest.column(a))),
+        warm_up=tuple(a for a in record.columns if rest.n >= 1000 and _warms_up(rest.column(a))),
         temperature={
             k: (float(np.nanmin(v)), float(np.nanmax(v)))
             for k, v in record.covariates.items()

@@ -27,8 +27,7 @@ from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
 from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
-from ..core.record import (
-    AXES, Disturbance, ImuRecord, MASKED, Memory, sensor_of, SENSORS)
+from ..core.record import Disturbance, ImuRecord, MASKED, Memory, SENSORS
 from ..core.statistics import longest_in_a_row
 from ..core.stillness import handled_ends, longest_rest
 
@@ -240,13 +239,8 @@ def _finite_enough(record: ImuRecord) -> None:
 
 
 def _stuck(record: ImuRecord) -> ImuRecord:
-    stuck = tuple(
-        a
-        for a in AXES
-        if getattr(record, sensor_of(a)) is not None and is_constant(record.column(a))
-    )
-    there = [a for a in AXES if getattr(record, sensor_of(a)) is not None]
-    if len(stuck) == len(there):
+    stuck = tuple(a for a in record.columns if is_constant(record.column(a)))
+    if len(stuck) == len(record.columns):
         raise InputError(
             f'{_name(record)}: every axis is constant',
             'check that the sensor is powered and its driver reads it',

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.clipped import ends_in_words
 from ..core.clock import STAMPED_HZ
-from ..core.record import AXES, ImuRecord, possible, sensor_of
+from ..core.record import ImuRecord, possible
 from ..core.statistics import longest_in_a_row
 from ..core.stillness import finite_mean
 from ..core.units import A_COUNT, to_si
@@ -40,7 +40,7 @@ def finite(record: ImuRecord) -> np.ndarray:
 def not_finite(record: ImuRecord) -> dict[str, tuple[int, float]]:
     """Return how many samples of each axis :func:`finite` is not of, and when the first is, s."""
     found = {}
-    for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
+    for axis in record.columns:
         bad = ~possible(record.column(axis))
         if bad.any():
             found[axis] = int(bad.sum()), float(record.t[int(np.argmax(bad))])
@@ -86,7 +86,7 @@ def standing(record: ImuRecord) -> list[Standing]:
 
     """
     said = []
-    for axis in (a for a in AXES if getattr(record, sensor_of(a)) is not None):
+    for axis in record.columns:
         x = record.column(axis)
         same = x[1:] == x[:-1]
         first, last = longest_in_a_row(same)
