@@ -70,11 +70,13 @@ class Bins:
         half = self.count / 2
         return np.log(np.maximum(power, 1e-300)) - digamma(half) + np.log(half)
 
-    def below(self, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how many coefficients are below f (k,), Hz, and the sum of a spectrum v (b,)."""
-        at = np.clip(f * 2 * self.n * self.dt, 1, self.n)
-        return at, np.interp(at, np.append(self.first, self.n),
-                             np.concatenate([[0.0], np.cumsum(v * self.count)]))
+    def between(self, v: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how many coefficients are between edges (k + 1,), Hz, and the mean of v (b,)."""
+        at = np.clip(edges * 2 * self.n * self.dt, 1, self.n)
+        total = np.interp(at, np.append(self.first, self.n),
+                          np.concatenate([[0.0], np.cumsum(v * self.count)]))
+        count = np.diff(at)
+        return count, np.maximum(np.diff(total) / np.maximum(count, 1e-9), 1e-300)
 
     def index(self, k: Any) -> np.ndarray:
         """Return the bin that holds each coefficient k (1 <= k < n), of the shape of k."""

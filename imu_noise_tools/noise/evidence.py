@@ -430,9 +430,8 @@ class Evidence:
         f = np.exp(np.arange(np.log(8 / self.duration), np.log(0.5 / self.dt), 0.05))
         if len(f) < 16:
             return [(0.1 / self.dt, 0.01 / self.dt, 0.0)]
-        at, total = bins.below(self.whole.power, f)
-        count = np.diff(at)
-        level = np.log(np.maximum(np.diff(total) / count, 1e-300))
+        count, mean = bins.between(self.whole.power, f)
+        level = np.log(mean)
         over = sign * (level - median_filter(level, 35, mode='nearest'))
         clear = over * np.sqrt(np.minimum(count, 1000.0) / 2)
         out: list[tuple[float, float, float]] = []

@@ -603,18 +603,15 @@ def _mean_power(evidence: Evidence, edges: np.ndarray) -> tuple[np.ndarray, np.n
     """Return the mean of the measured power and of its square between edges (Hz), (k,) each."""
     bins, power = evidence.whole.bins, evidence.whole.power
     # of w coefficients the mean square is larger than the square of their level by 1 + 2/w
-    both = power, power**2 * bins.count / (bins.count + 2)
-    mean, square = (np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
-                    for at, total in (bins.below(v, edges) for v in both))
-    return mean, square
+    square = power**2 * bins.count / (bins.count + 2)
+    return bins.between(power, edges)[1], bins.between(square, edges)[1]
 
 
 def _ordinates(evidence: Evidence, v: np.ndarray) -> np.ndarray:
     """Return a spectrum v (b,) at the ordinates of a block in time, from the first on (k,)."""
     edges, width = _bands(evidence)
     each = width * (0.5 + np.arange(round(edges[-1] / width + 0.5)))
-    at, total = evidence.whole.bins.below(v, each)
-    return np.maximum(np.diff(total) / np.maximum(np.diff(at), 1e-9), 1e-300)
+    return evidence.whole.bins.between(v, each)[1]
 
 
 def _bands(evidence: Evidence) -> tuple[np.ndarray, float]:
