@@ -200,10 +200,8 @@ def aligned(models: list[Model]) -> list[Model]:
     """
     every = {e.label: e for m in reversed(models) for e in reversed(m.effects)}
     order = list(dict.fromkeys(label for m in models for label in m.labels))
-    out = []
-    for m in models:
-        out.append(Model(m[x] if x in m else cast(FilterEffect, every[x]).idling() for x in order))
-    return out
+    return [Model(m[x] if x in m else cast(FilterEffect, every[x]).idling() for x in order)
+            for m in models]
 
 
 def _valued(model: Model, values: Mapping) -> Model:

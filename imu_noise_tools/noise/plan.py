@@ -67,14 +67,8 @@ def precision(model: Model, duration: float, dt: float) -> dict[tuple[str, str],
     jac = np.array(columns).T
     information = 0.5 * (jac * bins.count[:, None]).T @ jac
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    bound = (
-        np.sqrt(
-            np.maximum(
-                np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12)), 0
-            )
-        )
-        / scale
-    )
+    covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12)
+    bound = np.sqrt(np.maximum(np.diag(covariance), 0)) / scale
     return dict(zip(slots, (float(b) for b in bound)))
 
 
