@@ -23,8 +23,8 @@ from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
 from .flexible import asks_nothing, swept
 from .kinds import (
-    Coupling, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Parameter, Response,
-    Spectrum
+    Coupling, is_peak, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Parameter,
+    Response, Spectrum
 )
 from .likelihood import AT_BOUND, Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
@@ -232,8 +232,7 @@ def no_more_than_chance(problem: NoiseProblem, fit: Fit, without: Fit, label: st
 
     """
     effect = fit.model[label]
-    if not isinstance(effect, (Spectrum, Response)) or effect.certain \
-            or isinstance(effect, Spectrum) and effect.centre is not None:
+    if not isinstance(effect, (Spectrum, Response)) or effect.certain or is_peak(effect):
         return ''
     estimates = fit.estimates.get(label, {})
     beyond = _gained(problem.evidence, without, fit)
@@ -275,7 +274,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         where += f'; the samples themselves speak {said} it by {abs(bonus):.0f} nats'
     manner = added.manner(evidence)
     where = '; '.join(filter(None, (where, manner)))
-    peak = isinstance(effect, Spectrum) and more.model.of(Spectrum)[-1].centre is not None
+    peak = is_peak(added)
     whole, partly = (_gain(evidence, fit, more, k) for k in (False, True))
     fast = _within_means(evidence, fit, more) if isinstance(effect, Mean) else 0.0
     bound = at_bound(evidence, added, more.estimates[label])
@@ -529,8 +528,7 @@ def _refitted(evidence, fit, effect):
     if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
         bare = replace(hint, order=Order(), values=())
         other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
-        peak = other.model.of(Spectrum)[-1].centre is not None
-        more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
+        more = max(more, other, key=lambda x: _gain(evidence, fit, x, is_peak(effect)))
     return more
 
 
@@ -543,8 +541,7 @@ def _within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
 
     """
     peak = more.model.effects[-1]
-    if not isinstance(peak, Spectrum) or peak.centre is None \
-            or not at_bound(evidence, peak, more.estimates[peak.label]) \
+    if not is_peak(peak) or not at_bound(evidence, peak, more.estimates[peak.label]) \
             or _gain(evidence, fit, more, True) < CLEAR:
         return more
     forms = [p for p in peak.parameters if p.choices]
@@ -562,7 +559,7 @@ def _by_its_middle(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
 
     """
     peak, humps = more.model.effects[-1], evidence.humps.tolist()
-    if not isinstance(peak, Spectrum) or peak.centre is None or not humps or humps[0][2] < CLEAR:
+    if not is_peak(peak) or not humps or humps[0][2] < CLEAR:
         return more
     f, others = evidence.whole.bins.f, []
     for middle, width, _ in humps[:CLEAREST]:

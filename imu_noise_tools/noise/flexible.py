@@ -26,8 +26,8 @@ from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
 from .kinds import (
-    Coupling, Defect, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, owners, Response,
-    Spectrum
+    Coupling, Defect, is_peak, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, owners,
+    Response, Spectrum
 )
 from .knee import Knee, KNOTS, slow_cosines, STEEPEST
 from .likelihood import explained_by, Likelihood, spectrum_without, told_anew, told_by_gains
@@ -221,7 +221,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
 
     """
     effect, claimed = cast(NoiseEffect, fit.model[label]), claim
-    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    peak = is_peak(effect)
     if isinstance(effect, Coupling):
         return why_no_coupling(evidence, fit, label) or _coupled_otherwise(
             evidence, fit, effect, claim) or swept(evidence, effect, claim)
@@ -280,7 +280,7 @@ def _smoother(evidence: Evidence, fit: Fit, without: Fit, label: str, claimed: f
 
     """
     effect = cast(Spectrum | Response, fit.model[label])
-    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    peak = is_peak(effect)
     f, x, w = spectrum_left(evidence, fit)
     felt = np.abs(np.log(fit.details.v / without.details.v)) > FELT
     if peak:    # without it others bend elsewhere too, where what is left is theirs
@@ -603,7 +603,7 @@ def _knee(evidence: Evidence, fit: Fit, effect: NoiseEffect, claim: float) -> st
     # and filters may be there for no more than to bend others to its form
     filters = [e for e in plain if isinstance(e, Response) and not isinstance(e, MEASURED)]
     bare = [e for e in plain if e not in filters]
-    peak = isinstance(effect, Spectrum) and effect.centre is not None
+    peak = is_peak(effect)
     bands = Bands.on(evidence.whole.bins)
     for some in {len(x): x for x in (left, plain, bare)}.values():
         rival = _with_a_knee(evidence, fit, some)

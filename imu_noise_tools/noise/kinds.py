@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
-from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias
+from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -678,6 +678,11 @@ def owners(effects: Iterable[NoiseEffect]) -> np.ndarray:
     return np.array([e.label for e in effects for _ in e.linear], dtype=str)
 
 
+def is_peak(effect: Effect) -> TypeGuard[Spectrum]:
+    """Tell whether an effect is noise around one frequency."""
+    return isinstance(effect, Spectrum) and effect.centre is not None
+
+
 def foreign(model: Model) -> list[Spectrum]:
     """Return the noise of a model that is fitted and may be none of the sensor's own."""
     return [e for e in model.of(Spectrum) if not (e.own or isinstance(e, MEASURED))]
@@ -761,10 +766,10 @@ def model_avar(model: Model, m: np.ndarray, dt: float) -> np.ndarray:
 
     """
     if model.of(Response):
-        some = [e for e in model.of(Spectrum) if e.centre is None]
+        some = [e for e in model.of(Spectrum) if not is_peak(e)]
         rest = Model((*some, *model.of(Response)))
         total = quadrature_avar(lambda f: model_psd(rest, f, dt), m, dt)
-        for e in (e for e in model.of(Spectrum) if e.centre is not None):
+        for e in filter(is_peak, model.effects):
             passed = float(gain2_of(responses_on(e, model), np.array(e.centre), dt))
             total = total + passed * e.avar(m, dt)
     else:

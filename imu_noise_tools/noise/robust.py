@@ -19,7 +19,7 @@ import numpy as np
 from .explained import (
     Bands, Explained, FAR, judge, Judgement, MANY, NEARLY, supported as supported_by
 )
-from .kinds import Coupling, foreign, Modulation, Response, Spectrum
+from .kinds import Coupling, foreign, is_peak, Modulation, Response, Spectrum
 from .likelihood import Likelihood
 from .quiet import quiet_from
 from .response import beside_a_band, DEEP, OPEN, OpenResponse, Order, Rational
@@ -139,8 +139,7 @@ def _shares(found: Found) -> dict[str, np.ndarray]:
 
 def _with_filter_or_peak(found: Found) -> bool:
     """Tell whether a model has a filter, or a peak; what a fit leaves open is neither."""
-    return any(isinstance(e, Response) and not isinstance(e, OpenResponse)
-               or isinstance(e, Spectrum) and e.centre is not None
+    return any(isinstance(e, Response) and not isinstance(e, OpenResponse) or is_peak(e)
                for e in found.likelihood.model)
 
 

@@ -27,6 +27,7 @@ from .evidence import claimed_lines, Evidence
 from .kinds import (
     Coupling,
     Defect,
+    is_peak,
     Mean,
     model_crowd,
     model_psd,
@@ -174,7 +175,7 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
 
     """
     asked, w = 0.0, likelihood.weight
-    for e in (e for e in model.of(Spectrum) if e.centre is not None):
+    for e in filter(is_peak, model.effects):
         own = each[e.label]
         rest = np.maximum(v - own, 1e-9 * v)
         known = whole.model[e.label] if whole is not None and e.label in whole.model else e
