@@ -16,7 +16,7 @@ times faster than stacked matrices, online as in bulk.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -38,40 +38,25 @@ class Coefficients:
 
     def __init__(self, choices: list[Modes], alpha: float = 1.0):
         first = choices[0].spaces[0][0]
-        self.axes, self.modes, self.size, self.alpha = (
-            len(choices[0].spaces),
-            len(choices[0].prior),
-            first.size,
-            alpha,
-        )
+        self.axes, self.modes = len(choices[0].spaces), len(choices[0].prior)
+        self.size, self.alpha = first.size, alpha
         self.prior = np.array([c.prior for c in choices])
         self.stay = np.array([c.stay for c in choices])
         self.h, self.rate = first.h, first.rate
-        self.p0 = self._stack([choices[0]], 'p0')[0]
+        self.p0 = _stack(choices[:1], lambda s: s.p0)[0]
         d = range(self.size)
-        phi, q = self._stack(choices, 'phi'), self._stack(choices, 'q')
-        self.phi = {
-            (i, j): phi[..., i, j] for i in d for j in d if i == j or np.any(phi[..., i, j])
-        }
-        self.q = {
-            (i, j): q[..., i, j] for i in d for j in range(i, self.size) if np.any(q[..., i, j])
-        }
-        self.r = np.array([[[s.r for s in axis] for axis in c.spaces] for c in choices]).swapaxes(
-            1, 2
-        )
+        phi, q = _stack(choices, lambda s: s.phi), _stack(choices, lambda s: s.q)
+        self.phi = {(i, j): 1.0 if np.all(phi[..., i, j] == 1.0) else phi[..., i, j]
+                    for i in d for j in d if i == j or np.any(phi[..., i, j])}
+        self.q = {(i, j): q[..., i, j] for i in d for j in d[i:] if np.any(q[..., i, j])}
+        self.r = _stack(choices, lambda s: s.r)
         mixture = [axis[0].outliers for axis in choices[0].spaces]
         self.outliers = np.array(mixture).T if all(mixture) else None
         self.slope = self._slopes(choices)
         self.grows = self._growing(choices)
 
     @staticmethod
-    def _stack(choices, name):
-        """Return (choices, modes, axes, d, d)."""
-        return np.array(
-            [[[getattr(s, name) for s in axis] for axis in c.spaces] for c in choices]
-        ).swapaxes(1, 2)
-
-    def _slopes(self, choices):
+    def _slopes(choices):
         """
         Return what of the state, (d,) of (choices, modes, axes), makes a sample off by jitter.
 
@@ -81,9 +66,9 @@ class Coefficients:
         """
         if not any(axis[0].jitter for c in choices for axis in c.spaces):
             return None
-        change = np.array([[[(s.rate @ s.phi - s.rate) * (s.jitter / s.dt if s.dt else 0.0)
-                             for s in axis] for axis in c.spaces] for c in choices])
-        return np.moveaxis(change.swapaxes(1, 2), -1, 0)
+        change = _stack(
+            choices, lambda s: (s.rate @ s.phi - s.rate) * (s.jitter / s.dt if s.dt else 0.0))
+        return np.moveaxis(change, -1, 0)
 
     @staticmethod
     def _growing(choices):
@@ -92,8 +77,7 @@ class Coefficients:
         if all(s.grows is None for s in spaces):
             return None
         none = np.zeros((2, 2))
-        each = np.array([[[none if s.grows is None else s.grows for s in axis]
-                          for axis in c.spaces] for c in choices]).swapaxes(1, 2)
+        each = _stack(choices, lambda s: none if s.grows is None else s.grows)
         return {(i, k): each[..., i, k] for i in range(2) for k in range(i, 2)}
 
     def at(self, which: Any) -> Entries:
@@ -114,11 +98,13 @@ class Coefficients:
                 return a[which].swapaxes(0, 1).reshape(self.modes, -1)
             prior = np.repeat(self.prior[which], self.axes, 0).T
             stay = np.repeat(self.stay[which], self.axes)
-        return Entries({k: 1.0 if np.all(v == 1.0) else lanes(v) for k, v in self.phi.items()},
-                       {k: lanes(v) for k, v in self.q.items()}, lanes(self.r), prior, stay,
-                       None if self.slope is None else [lanes(v) for v in self.slope],
-                       None if self.grows is None else
-                       {k: lanes(v) for k, v in self.grows.items()})
+        return Entries.of(self, lanes, prior, stay)
+
+
+def _stack(choices, entry):
+    """Return what ``entry`` gives of every model, (...): (choices, modes, axes, ...)."""
+    return np.array(
+        [[[entry(s) for s in axis] for axis in c.spaces] for c in choices]).swapaxes(1, 2)
 
 
 @dataclass(frozen=True)
@@ -133,6 +119,15 @@ class Entries:
     slope: list | None = None
     grows: dict | None = None
 
+    @classmethod
+    def of(cls, some: Coefficients | Entries, lanes: Callable[[np.ndarray], np.ndarray],
+           prior: np.ndarray, stay: float | np.ndarray) -> Entries:
+        """Return what some hold, ``lanes`` of each array; the number one stays what it is."""
+        return cls({k: v if isinstance(v, float) else lanes(v) for k, v in some.phi.items()},
+                   {k: lanes(v) for k, v in some.q.items()}, lanes(some.r), prior, stay,
+                   None if some.slope is None else [lanes(v) for v in some.slope],
+                   None if some.grows is None else {k: lanes(v) for k, v in some.grows.items()})
+
     @cached_property
     def fresh(self) -> np.ndarray:
         """What of each mode's probability comes from a change of mode; as ``prior``."""
@@ -140,17 +135,7 @@ class Entries:
 
     def tiled(self, chunks: int) -> Entries:
         """Return entries (modes, axes) repeated for every chunk."""
-        def lanes(a):
-            return a if isinstance(a, float) else np.tile(a, (1, chunks))
-        return Entries(
-            {k: lanes(v) for k, v in self.phi.items()},
-            {k: lanes(v) for k, v in self.q.items()},
-            lanes(self.r),
-            self.prior,
-            self.stay,
-            None if self.slope is None else [lanes(v) for v in self.slope],
-            None if self.grows is None else {k: lanes(v) for k, v in self.grows.items()},
-        )
+        return Entries.of(self, lambda a: np.tile(a, (1, chunks)), self.prior, self.stay)
 
 
 class Bank:
