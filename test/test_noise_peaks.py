@@ -15,6 +15,7 @@ from imu_noise_tools.loop.effect import find_effect, model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import PRICE
 from imu_noise_tools.noise import flexible, materiality, starts
+from imu_noise_tools.noise.candidates import _one as tried
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -54,6 +55,22 @@ def fan():
     y[:, 0] += ringing(rng, n, 0.567, 0.0015, 0.3) + ringing(rng, n, 1.7, 0.009, 0.12)
     y[:, 0] += machine(rng, n, 10 + np.cumsum(rng.standard_normal(n)) * 0.02 * np.sqrt(DT), 0.25)
     return problem_of(y)
+
+
+def test_of_machines_side_by_side_a_peak_is_one_of_them():
+    """What a fit rests on has none of their middles, and their skirts any peak explains."""
+    rng, n = np.random.default_rng(2), 60_000
+    y = rng.standard_normal((n, 3))
+    middles = np.array([19.2, 20.05, 18.6])
+    for f in middles:
+        slow = lfilter([1], [1, -0.9995], rng.standard_normal(n))
+        y[:, 0] += 6 * np.sin(2 * np.pi * np.cumsum(f + 0.1 * slow / np.std(slow)) * DT)
+    problem = problem_of(y)
+    found = tried(problem, problem.point(model_of('noise', BASE)),
+                  find_effect('noise', 'narrowband')()).finding
+    assert found.gain > found.penalty and not found.against
+    assert np.min(np.abs(found.effect['frequency'] - middles)) < 0.1
+    assert 0.1 < found.effect['width'] < 0.4, found.effect
 
 
 @pytest.mark.parametrize('f, width, told', [(10.0, 0.3, True), (10.0, 30.0, False)])
