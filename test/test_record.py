@@ -188,6 +188,9 @@ def test_a_shock_is_set_aside():
     assert found.n == r.n and len(found.left_out) == 1
     begin, end, why = found.left_out[0]
     assert why == 'shock' and 86 < begin < 90 < end < 94
+    # the rest that health tells of is that which is analysed
+    health = examine(r)
+    assert len(health.still) == 2 and health.longest_still_s == pytest.approx(r.duration_s)
 
 
 def test_rest_on_real_records(shared_data):

@@ -157,14 +157,17 @@ def without_knocks(
     return groups
 
 
-def longest_rest(record: ImuRecord) -> list[tuple[int, int]]:
+def longest_rest(
+    record: ImuRecord, stretches: list[tuple[int, int]] | None = None
+) -> list[tuple[int, int]]:
     """
     Return the longest group of stretches that are parted by knocks alone, or by little time.
 
-    It is empty where nothing rests.
+    Of those at rest that are found, or of ``stretches``; it is empty where nothing rests.
 
     """
-    groups = without_knocks(record, still_stretches(record), BRIEF)
+    some = still_stretches(record) if stretches is None else stretches
+    groups = without_knocks(record, some, BRIEF)
     return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
 
 

@@ -21,7 +21,7 @@ from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import ImuRecord, Memory, possible
 from ..core.statistics import FAR, grid_step
-from ..core.stillness import finite_mean, still_stretches
+from ..core.stillness import finite_mean, longest_rest, still_stretches
 from ..core.units import G0, times
 
 # the first twentieth is off by so many times the scatter of those of the second half
@@ -95,17 +95,13 @@ class Health:
     gravity: float | None               # |mean acceleration| of the longest stretch at rest, m/s^2
     units: tuple[str, ...]              # sentences: wrong unit suspected
     still: tuple[tuple[float, float], ...]      # stretches at rest of 2 s and more
+    longest_still_s: float              # the longest rest, with knocks in it
     directions: int                     # of gravity in these, 10 deg apart and more
     moving: float                       # share of the time in motion
     warm_up: tuple[str, ...]            # axes that still change at the beginning
     temperature: Mapping[str, tuple[float, float]]      # least and most, degrees C, by covariate
     covariates: tuple[str, ...]
     advice: tuple[str, ...] = field(default=())
-
-    @property
-    def longest_still_s(self) -> float:
-        """Length of the longest stretch at rest, s."""
-        return max((b - a for a, b in self.still), default=0.0)
 
 
 def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
@@ -135,6 +131,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     memory.rest()
     still = still_stretches(tidy) if clock and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
+    together = longest_rest(tidy, still)
     rest = tidy.part(*longest)
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
@@ -166,6 +163,8 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
+        longest_still_s=float(tidy.t[together[-1][1] - 1] - tidy.t[together[0][0]])
+        if together else 0.0,
         directions=_directions(tidy, still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in record.columns if rest.n >= 1000 and _warms_up(rest.column(a))),
