@@ -14,7 +14,7 @@ from imu_noise_tools.noise import thermal
 from imu_noise_tools.noise.candidates import candidates, hidden_by_steps
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.stairs import hidden, unrounded
+from imu_noise_tools.noise.stairs import hidden, missed, unrounded
 from imu_noise_tools.noise.thermal import course_of
 from imu_noise_tools.tasks.noise import analyse_record
 
@@ -226,9 +226,14 @@ def test_what_was_read_in_coarse_steps_goes_on_between_them():
     t = np.arange(5000.0)
     true = 20 + 6 * (1 - np.exp(-t / 1500))
     read = 0.5 * np.round(2 * true)
-    known = t <= np.flatnonzero(np.diff(read))[-1]      # of what is read last it is no more
-    assert np.std((unrounded(read) - true)[known]) < 0.25 * np.std((read - true)[known])
-    np.testing.assert_array_equal(unrounded(read)[~known], read[~known])
+    assert np.std(unrounded(read) - true) < 0.2 * np.std(read - true)
+    noisy = 0.5 * np.round(2 * true + 0.03 * np.random.default_rng(0).standard_normal(len(t)))
+    assert np.std(unrounded(noisy) - true) < 0.5 * np.std(noisy - true)
+    turned = np.round(swings(7200))
+    assert np.std(unrounded(turned) - swings(7200)) < 0.75 * np.std(turned - swings(7200))
+    # what is off is known by about as much
+    assert missed(turned) == pytest.approx(np.std(unrounded(turned) - swings(7200)), rel=0.3)
+    assert missed(true) == 0.0
     assert unrounded(true) is true and hidden(true) == 0.0
     assert hidden(read) == pytest.approx(0.5 / np.sqrt(12), rel=0.05)
 
@@ -263,6 +268,58 @@ def heated_by(seed, steps, seconds=7200, rate=2.0):
     x += 2e-6 * np.cumsum(rng.standard_normal((len(t), 3)), axis=0)
     read = np.interp(t, np.arange(float(seconds)), steps * np.round(true / steps))
     return ImuRecord(x, None, t, rate, covariates={'temperature': read})
+
+
+def slope_of(seed, steps, lag=25.0, seconds=1800, rate=10.0):
+    """Return the estimates of a slope of 3.67e-4 behind a lag, by a thermometer in steps, warm."""
+    rng = np.random.default_rng([seed, 63])
+    before, t = 60 * rate, np.arange(seconds * rate) / rate
+    all_t = np.arange(-before, seconds * rate) / rate
+    true = rng.uniform(4, 9) * (1 - np.exp(-(all_t + 60) / rng.uniform(300, 1200))) \
+        + rng.uniform(0, 0.5) * np.sin(all_t / rng.uniform(80, 200))
+    a = np.exp(-1 / (lag * rate))
+    late = lfilter([1 - a], [1, -a], true, zi=[a * true[0]])[0][-len(t):]
+    x = 2e-4 * rng.standard_normal((len(t), 3))
+    x[:, 0] += 3.67e-4 * late
+    read = steps * np.round((true[-len(t):] + rng.uniform(0, steps)) / steps)
+    record = ImuRecord(x, None, t, rate, covariates={'temperature': read})
+    e = gather(record, ['gyro_x'])['gyro_x']
+    fit = NoiseProblem(e).fit(model_of('noise', ('white', 'random_walk', 'temperature')))
+    return fit.estimates['temperature']
+
+
+def test_a_slope_is_no_better_known_than_the_lag_behind_which_it_is():
+    """A warm-up is much the same behind any lag, but for the slope."""
+    said = slope_of(0, 0.5)
+    low, high = said['slope'].ci95
+    assert low < 3.67e-4 < high and high - low > 0.05 * low
+    assert said['lag'].ci95[0] < 25.0 < said['lag'].ci95[1]
+    assert not said['slope'].note
+    assert 'few steps' in slope_of(0, 1.0)['slope'].note
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('steps', [0.01, 0.5, 1.0])
+def test_the_interval_of_a_slope_holds_it(steps):
+    """Whatever the thermometer's steps: of one lag and flat stays it held 14, 16 and 8 times."""
+    ends = np.array([slope_of(seed, steps)['slope'].ci95 for seed in range(16)])
+    assert np.sum((ends[:, 0] < 3.67e-4) & (3.67e-4 < ends[:, 1])) >= 14
+
+
+def test_a_fine_thermometer_tells_a_lag_between_those_that_are_tried():
+    rng, t = np.random.default_rng(5), np.arange(N) / RATE
+    warmth, a = 3 * heated(rng), np.exp(-1 / (13.5 * RATE))
+    late = lfilter([1 - a], [1, -a], warmth, zi=[a * warmth[0]])[0]
+    x = 1e-4 * rng.standard_normal((N, 3)) + 1e-3 * late[:, None] * [1, 0, 0]
+    e = gather(ImuRecord(x, None, t, RATE, covariates={'temperature': 30 + warmth}),
+               ['gyro_x'])['gyro_x']
+    assert not any(lag == pytest.approx(13.5, rel=0.05)
+                   for lag, _ in thermal.readings(e.duration, np.diff(e.slow_t[:2])[0]))
+    said = NoiseProblem(e).fit(model_of('noise', ('white', 'temperature'))).estimates[
+        'temperature']
+    low, high = said['lag'].ci95
+    assert low < 13.5 < high < low + 1.0
+    assert said['slope'].value == pytest.approx(1e-3, rel=1e-3)
 
 
 def test_what_the_steps_of_a_thermometer_hide_is_no_course_of_its_own():

@@ -33,6 +33,7 @@ from .starts import starts
 from .uncertainty import (
     chosen_estimates, covariance_of, estimates, marginal, plain_estimates, widened
 )
+from .ways import over_ways, Way, ways
 from ..core.errors import FitError
 from ..core.units import in_percent
 from ..loop.effect import Fit, Model
@@ -124,6 +125,8 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
             f'{evidence.axis}: {model} has no finite likelihood',
             'remove an effect, or look at the data',
         )
+    if intervals and mean is None:
+        found, _ = ways(found)      # bands that a lag between two explains are not set aside
     if robust and basis is None and mean is None:
         if start is None or not set(model.labels) <= set(start.labels):
             found = search.with_responses_anew(found)
@@ -131,11 +134,12 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
         found = resting_on_what_it_explains(search, found, hint, start)
         found = more_explained(found, first)
         found = in_quiet(search, found, hint)
-    return _fit_of(found, measured, flags, intervals)
+    found, alike = ways(found) if intervals and mean is None else (found, [])
+    return _fit_of(found, alike, measured, flags, intervals)
 
 
-def _fit_of(found: Found, measured, flags, intervals: bool) -> Fit:
-    """Return the fit of a minimum."""
+def _fit_of(found: Found, alike: list[Way], measured, flags, intervals: bool) -> Fit:
+    """Return the fit of a minimum, which ways to read a mean are as likely as."""
     likelihood, x = found.likelihood, found.x
     nll, linear, _, _ = likelihood.value(x)
     fitted = likelihood.with_linear(likelihood.with_search(x), linear.beta)
@@ -151,6 +155,7 @@ def _fit_of(found: Found, measured, flags, intervals: bool) -> Fit:
     for some in (more, chosen_estimates(likelihood)):
         for label, values in some.items():
             said[label] = {**said.get(label, {}), **values}
+    said = over_ways(said, found, alike)
     if OPEN in fitted:
         fitted = fitted.minus(OPEN)
     details = _details(found, fitted, linear)

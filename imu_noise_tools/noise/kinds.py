@@ -355,6 +355,15 @@ class Mean(NoiseEffect):
         """Return what to compare with it where it is among the best of its ``starts``."""
         return []
 
+    def ways(self, evidence: Evidence) -> list[list[Mean]]:
+        """
+        Return all ways to choose what is chosen of it, which may be as likely as it is.
+
+        In rows in which neighbours are alike, and what lies between two of them is one as well.
+
+        """
+        return []
+
     def plain(self) -> Mean | None:
         """Return it with nothing to choose, where it then follows what is recorded beside."""
         return None
@@ -372,6 +381,15 @@ class Mean(NoiseEffect):
     def placed(self) -> bool:
         """Whether all that its columns depend on has a value."""
         return all(p.linear or p.name in self.values for p in self.parameters)
+
+    def missed(self, evidence: Evidence) -> float:
+        """
+        Return how far it is off, rms, by what the readings do not tell of what it follows.
+
+        Ways to choose it that differ by no more are as likely.
+
+        """
+        return 0.0
 
     def mean(self, inputs: Inputs) -> np.ndarray:
         """Return what it adds, (n,)."""

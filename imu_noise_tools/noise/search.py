@@ -17,7 +17,7 @@ from .starts import begun_anew, entered_behind, most_promising, reddest, Start
 from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
 
-_REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
+REDDEST = 1.0  # weight of -ln(slowest amplitude) in the point estimate
 _ROUNDS = 3  # how often responses are begun anew, each from the best so far
 _FORMS = 2  # forms of a response that are begun anew beside a narrow peak
 
@@ -97,7 +97,7 @@ class Search:
         slowest = reddest(likelihood, x0) if self.cautious else None
         alike = [f for f in ends if f.slowest == slowest and f.is_of(likelihood)]
         known = Known([(f.x, f.nll) for f in alike], least - PRICE * len(x0))
-        end = minimise(likelihood, x0, penalty=_REDDEST, reddest=slowest, enough=self.enough,
+        end = minimise(likelihood, x0, penalty=REDDEST, reddest=slowest, enough=self.enough,
                        known=known)
         met = next((f for f in alike if f.x is end[0]), None)
         if met is not None:
@@ -159,5 +159,5 @@ def _revived(likelihood, found, reddest, enough):
             again[j] += 0.5 * np.log(0.3 / max(share, 1e-300))
     if np.array_equal(again, x):
         return found
-    other = minimise(likelihood, again, penalty=_REDDEST, reddest=reddest, enough=enough)
+    other = minimise(likelihood, again, penalty=REDDEST, reddest=reddest, enough=enough)
     return other if other[1] < found[1] - 1e-6 else found

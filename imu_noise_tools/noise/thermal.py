@@ -64,16 +64,26 @@ def readings(duration: float, step: float) -> list[tuple[float, float]]:
     """
     Return (lag, smoothing), s, by which a thermometer may be behind or ahead of what follows it.
 
-    Lags go from none to a quarter of the record. What a slow thermometer lost of a fast cycle is
-    more than its noise, or less: so each lead comes with several smoothings.
+    Lags go from none to a quarter of the record, of a temperature that rested before it or that
+    went on as it begins. What a slow thermometer lost of a fast cycle is more than its noise, or
+    less: so each lead comes with several smoothings.
 
     """
     least = max(duration / 2000, 2 * step)
     later = np.geomspace(least, duration / 4, LAGS)
     earlier = np.geomspace(least, max(duration / 10, 2 * least), LEADS)
-    moved = [(0.0, 0.0), *((x, 0.0) for x in later),
+    moved = [(0.0, 0.0), *((x, s) for x in later for s in (0.0, x)),
              *((-x, x / q) for x in earlier for q in SMOOTHED)]
     return [(float(x), float(s)) for x, s in moved]
+
+
+def rows_of_readings(duration: float, step: float) -> list[list[tuple[float, float]]]:
+    """Return :func:`readings` in rows of lags, in each of which they are alike but for the lag."""
+    rows: dict[tuple[bool, float], list[tuple[float, float]]] = {}
+    none, *some = readings(duration, step)
+    for lag, s in some:
+        rows.setdefault((lag > 0, round(s / lag, 6)), [none]).append((lag, s))
+    return list(rows.values())
 
 
 def moved(temperature: np.ndarray, t: np.ndarray, lag: float, smoothing: float) -> np.ndarray:
@@ -81,25 +91,33 @@ def moved(temperature: np.ndarray, t: np.ndarray, lag: float, smoothing: float) 
     Return a temperature behind a time constant, or what a thermometer with one is behind of.
 
     ``smoothing`` is the time constant (s) by which its noise is taken out of its rate of change,
-    from both sides: 0 for none.
+    from both sides: 0 for none. Behind a lag that is the rate at which it began, and went on
+    before; with none it had rested.
 
     """
     if not lag or len(t) < 3:
         return temperature
+    step = t[1] - t[0]
+    if lag > 0:
+        return _behind(temperature, lag / step, smoothing / step)
+    smooth, s = temperature, smoothing / step
+    if smoothing > 0:
+        smooth = _behind(_behind(temperature, s)[::-1], s)[::-1]
+    return temperature - lag * np.gradient(smooth, step)
+
+
+def _behind(x: np.ndarray, lag: float, along: float = 0.0) -> np.ndarray:
+    """Return x (n,) behind a lag; before it went as ``along`` its first values, 0: it rested."""
     from scipy.signal import lfilter  # half a second to load
 
-    step = t[1] - t[0]
-
-    def slow(x, tc):
-        a = np.exp(-step / tc)
-        return lfilter([1 - a], [1, -a], x, zi=[a * x[0]])[0]
-
-    if lag > 0:
-        return slow(temperature, lag)
-    smooth = temperature
-    if smoothing > 0:
-        smooth = slow(slow(temperature, smoothing)[::-1], smoothing)[::-1]
-    return temperature - lag * np.gradient(smooth, step)
+    a, before = np.exp(-1 / lag), x[0]
+    if along > 0:
+        count = int(np.clip(along, 2, len(x)))
+        k = np.arange(count) - 0.5 * (count - 1)
+        rate = float(k @ x[:count]) / float(k @ k)
+        # behind a straight line it is the line less what that does in a time constant
+        before = np.mean(x[:count]) - rate * (0.5 * (count - 1) + 1 / (1 - a))
+    return lfilter([1 - a], [1, -a], x, zi=[a * before])[0]
 
 
 def powers(u: np.ndarray, more: Iterable[np.ndarray] = ()) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from .descent import minimise
 from .kinds import MEASURED, NoiseEffect, Spectrum
-from .likelihood import Likelihood, Linear, settled
+from .likelihood import Likelihood, Linear, settled, Slot
 from .response import OPEN
 from ..core import units
 from ..core.statistics import (
@@ -82,17 +82,21 @@ def _linear_estimates(likelihood, linear):
         likelihood.linear_slots, linear.beta, np.diag(linear.covariance)
     ):
         std = float(np.sqrt(max(variance, 0)))
-        value = float(value)
-        lo, hi = interval(value, std)
-        unit = units.si(slot.parameter.unit, likelihood.evidence.sensor)
-        if slot.parameter.amplitude and lo <= 0 <= hi:
-            upper = abs(value) + ONE_SIDED * std
-            e = Estimate(None, std, (0.0, max(abs(lo), abs(hi))), unit, upper95=upper, point=value,
-                         note='not observable: the interval holds zero')
-        else:
-            e = Estimate(value, std, (lo, hi), unit, point=value)
-        out.setdefault(slot.label, {})[slot.parameter.name] = e
+        out.setdefault(slot.label, {})[slot.parameter.name] = of_linear(
+            slot, float(value), std, interval(float(value), std), likelihood.evidence.sensor)
     return out
+
+
+def of_linear(slot: Slot, value: float, std: float, ends: tuple[float, float],
+              sensor: str) -> Estimate:
+    """Return the estimate of what was solved for, of an interval; a limit if that holds zero."""
+    lo, hi = ends
+    unit = units.si(slot.parameter.unit, sensor)
+    if slot.parameter.amplitude and lo <= 0 <= hi:
+        return Estimate(None, std, (0.0, max(abs(lo), abs(hi))), unit, point=value,
+                        upper95=abs(value) + ONE_SIDED * std,
+                        note='not observable: the interval holds zero')
+    return Estimate(value, std, (lo, hi), unit, point=value)
 
 
 def plain_estimates(likelihood: Likelihood, x: np.ndarray, information: np.ndarray,

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
-from ..stairs import hidden
-from ..thermal import COURSE, moved, POWERS, powers, readings, TEMPERATURE
+from ..stairs import hidden, missed
+from ..thermal import COURSE, moved, POWERS, powers, readings, rows_of_readings, TEMPERATURE
 from ..views import slow_mean, slow_rest
 from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
@@ -73,26 +73,41 @@ class Temperature(Mean):
 
     @classmethod
     def statistics(cls, y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
-        """Return what the steps of its readings hide of the temperature, rms degC, (1,)."""
-        read = inputs.covariates.get(TEMPERATURE)
-        return {} if read is None else {'hidden': np.array([hidden(np.asarray(read, float))])}
+        """
+        Return what the steps of its readings hide of the temperature, rms degC, (1,) each.
+
+        Of all that reads the same, and of what goes on between the steps as smoothly as it may.
+
+        """
+        if TEMPERATURE not in inputs.covariates:
+            return {}
+        read = np.asarray(inputs.covariates[TEMPERATURE], float)
+        return {'hidden': np.array([hidden(read)]), 'missed': np.array([missed(read)])}
 
     def unread(self, evidence: Evidence) -> float:
+        """Return how far the mean may go, rms, with a temperature that reads the same."""
+        return self._by_steps(evidence, 'hidden')
+
+    def missed(self, evidence: Evidence) -> float:
+        """Return how far the mean is off, rms, by where the temperature went between the steps."""
+        return self._by_steps(evidence, 'missed')
+
+    def _by_steps(self, evidence: Evidence, what: str) -> float:
         """
-        Return how far the mean may go, rms, with a temperature that reads the same.
+        Return what the steps make of the mean, rms, by how steep that is.
 
         Beside a course that other axes tell as well it is not the thermometer's steps that hide
         it.
 
         """
-        hides = float(evidence.statistics.get(self.name, {}).get('hidden', np.zeros(1))[0])
-        if not hides or self.values.get('read'):
+        rms = float(evidence.kept(self.name).get(what, np.zeros(1))[0])
+        if not rms or self.values.get('read'):
             return 0.0
         t = evidence.slow_inputs
         u = moved(np.asarray(t.covariates[TEMPERATURE], float), t.t, self['lag'],
                   self.values.get('smoothing', 0.0))
         law = np.polynomial.Polynomial.fit(u, self.mean(t), POWERS)     # which it is, but for u
-        return hides * float(np.sqrt(np.mean(law.deriv()(u) ** 2)))
+        return rms * float(np.sqrt(np.mean(law.deriv()(u) ** 2)))
 
     def starts(self, evidence: Evidence) -> list[Effect]:
         """
@@ -113,6 +128,12 @@ class Temperature(Mean):
     def finer(self, evidence: Evidence) -> list[Effect]:
         """Return all ways to read it: beside what was missing from the mean it was another."""
         return self.starts(evidence)
+
+    def ways(self, evidence: Evidence) -> list[list[Mean]]:
+        """Return all lags by the thermometer alone, in a row for each way to smooth it."""
+        step = float(np.diff(evidence.slow_t[:2])[0])
+        return [[self.with_values(lag=lag, smoothing=s, read=0) for lag, s in row]
+                for row in rows_of_readings(evidence.duration, step)]
 
     def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0,
                 read: float = 0.0) -> np.ndarray:
@@ -162,6 +183,10 @@ class Plain(Temperature):
     def starts(self, evidence: Evidence) -> list[Effect]:
         """Return the one way to read it; nothing without a temperature that moves."""
         return super().starts(evidence)[:1]
+
+    def ways(self, evidence: Evidence) -> list[list[Mean]]:
+        """Return none but its own."""
+        return []
 
     def columns(self, inputs: Inputs, lag: float, smoothing: float = 0.0,
                 read: float = 0.0) -> np.ndarray:
