@@ -528,7 +528,8 @@ def _refitted(evidence, fit, effect):
     if hint.order.terms and isinstance(effect, Spectrum) and not isinstance(effect, MEASURED):
         bare = replace(hint, order=Order(), values=())
         other = fit_part(evidence, model, intervals=False, start=fit.model, hint=bare)
-        more = max(more, other, key=lambda x: _gain(evidence, fit, x, is_peak(effect)))
+        peak = is_peak(other.model.of(Spectrum)[-1])    # what is not fitted yet is nowhere
+        more = max(more, other, key=lambda x: _gain(evidence, fit, x, peak))
     return more
 
 
