@@ -812,7 +812,9 @@ def test_inspect_says_what_is_there_as_people_do(tmp_path, capsys):
     """No scatter that is rounding, no 1e+04 s, and why not in place of a path."""
     r = bad_input.still(200)
     lines = []
-    for k, one in enumerate((r, replace(r, gyro=r.gyro + np.sin(4 * r.t)[:, None]))):
+    swing = np.sin(4 * r.t)[:, None]
+    begun = replace(r, gyro=r.gyro + swing * (r.t < 50)[:, None])
+    for k, one in enumerate((r, replace(r, gyro=r.gyro + swing), begun)):
         path = write_bag(tmp_path / f'{k}.npz', one)
         assert main(['inspect', str(path)]) == 0
         out = capsys.readouterr().out
@@ -820,3 +822,5 @@ def test_inspect_says_what_is_there_as_people_do(tmp_path, capsys):
     assert lines[0]['stamps'].endswith('jitter none')
     assert lines[0]['can be analysed'].endswith(' samples, 3.33 min at rest')
     assert lines[1]['can be analysed'].startswith('no: the IMU moves; ')
+    begin, end = lines[2]['can be analysed'].split(' from ')[1].removesuffix(' s').split(' to ')
+    assert 45 < float(begin) < 60 and float(end) == pytest.approx(r.t[-1], abs=1)
