@@ -131,7 +131,6 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
     memory.rest()
     still = still_stretches(tidy) if clock and tidy.n > 10 else []
     longest = max(still, key=lambda s: s[1] - s[0], default=(0, tidy.n))
-    together = longest_rest(tidy, still)
     rest = tidy.part(*longest)
     units = tuple(wrong_units(rest)) if still else ()
     accel = finite_mean(rest.accel) if still and rest.accel is not None else None
@@ -163,8 +162,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
-        longest_still_s=float(tidy.t[together[-1][1] - 1] - tidy.t[together[0][0]])
-        if together else 0.0,
+        longest_still_s=_span(tidy, longest_rest(tidy, still)),
         directions=_directions(tidy, still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in record.columns if rest.n >= 1000 and _warms_up(rest.column(a))),
@@ -176,6 +174,11 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         covariates=tuple(record.covariates),
     )
     return _with_advice(tidy, found)
+
+
+def _span(record: ImuRecord, pieces: list[tuple[int, int]]) -> float:
+    """Return how long it is from the first sample of pieces to the last, s; 0 of none."""
+    return float(record.t[pieces[-1][1] - 1] - record.t[pieces[0][0]]) if pieces else 0.0
 
 
 def _directions(record: ImuRecord, still: list[tuple[int, int]]) -> int:
