@@ -215,9 +215,12 @@ def test_same_face_twice_is_averaged_and_said():
 def test_counts_and_g_are_refused():
     """Readings that cannot be m/s^2 at rest are refused with what they may be."""
     from imu_noise_tools.calibration.positions import check_unit
-    for value, word in ((1.0, 'g, not m/s'), (998.0, 'mg, not m/s'), (16384.0, 'counts')):
-        with pytest.raises(InputError, match=word):
+    for value, word, remedy in (
+            (1.0, 'g, not m/s', '--accel-unit g'), (998.0, 'mg, not m/s', '--accel-unit mg'),
+            (2061.0, 'counts', '--accel-unit 1/'), (0.02, 'gravity may have', 'raw')):
+        with pytest.raises(InputError, match=word) as refusal:
             check_unit(value * np.eye(3), sim.G)
+        assert remedy in refusal.value.remedy
 
 
 def test_upside_down_axis():

@@ -19,6 +19,7 @@ from ..core.errors import InputError, listed
 from ..core.record import ImuRecord
 from ..core.statistics import grid_step, in_a_row, median_sigma
 from ..core.stillness import LEAST, still_stretches
+from ..core.units import A_COUNT
 
 STILL_S = 0.8           # shortest rest that counts, s: one of a second, less its ends
 CONE_DEG = 20.0         # a pose within this of an axis is a face
@@ -445,9 +446,12 @@ def check_unit(outputs: np.ndarray, gravity: float) -> None:
     if 700 < size < 1300:
         raise InputError(f'the accelerometer reads {size:.4g} at rest: that is mg, not m/s^2',
                          'give --accel-unit mg')
-    raise InputError(f'the accelerometer reads {size:.4g} at rest, not {gravity:.4g} m/s^2: '
-                     f'counts?',
-                     'convert with the nominal scale of the data sheet first')
+    reads = f'the accelerometer reads {size:.4g} at rest, not {gravity:.4g} m/s^2'
+    if size < 0.7:
+        raise InputError(f'{reads}: gravity may have been removed',
+                         'record the topic of the raw accelerations')
+    raise InputError(f'{reads}: raw counts?', 'say what one is by the data sheet of the sensor, '
+                     f'e.g. --accel-unit {A_COUNT["accel"]}')
 
 
 def named(poses: Poses) -> Poses:
