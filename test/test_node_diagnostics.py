@@ -128,6 +128,8 @@ def test_a_topic_on_which_nothing_comes_is_said_with_the_reason(ros):
     assert not good and wanted in said['error']
     assert said['remedy'].startswith('remap imu/data_raw to ')
     assert f'{space}/camera/imu' in said['remedy'] and 'filtered' not in said['remedy']
+    # nor what another node would make of the topic that is missing
+    assert 'calibrated' not in said['remedy']
     with ros.listening('/diagnostics', DiagnosticArray) as got:
         for node, name in ((nodes[0], 'input'), (nodes[1], 'stream')):
             assert wait_for(lambda: level(got, node, name) == messages.STALE), got[-1:]

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import signal
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -77,6 +80,48 @@ def test_a_bad_parameter_at_the_start_is_refused_in_one_line(ros, table, cases):
         assert process.end() == 1, process.text
         lines = process.lines
         assert len(lines) == 1 and lines[0].startswith('error: ') and why in lines[0], lines
+
+
+@pytest.mark.thorough
+def test_a_parameter_that_a_node_does_not_have_is_said(ros):
+    """A misspelt one would be passed over without a word; what is there is no such one."""
+    process = ros.start('filter', ros.namespace(), **{'whit.R': 1e-4, 'alpha': 0.9})
+    ros.ready(process)
+    assert wait_for(lambda: 'there is no parameter whit.R: it is not heeded (did you mean white.R?)'
+                    in process.text), process.text
+    assert process.text.count('no parameter') == 1
+
+
+_BUSY = """
+import sys
+import time
+from imu_noise_tools.nodes import run
+from rclpy.node import Node
+from std_msgs.msg import Empty
+
+
+class Slow(Node):
+    def __init__(self):
+        super().__init__('slow')
+        self.out = self.create_publisher(Empty, 'out', 1)
+        self.create_timer(0.01, self.work)
+
+    def work(self):
+        self.status = 0
+        time.sleep(0.2)
+        self.out.publish(Empty())
+
+
+sys.exit(run.run(Slow, [], run.threads_executor))
+"""
+
+
+@pytest.mark.thorough
+def test_what_a_thread_does_ends_before_its_node(root):
+    """A callback under way at the stop publishes what it has: nothing is printed."""
+    ended = subprocess.run([sys.executable, '-c', _BUSY], capture_output=True, text=True,
+                           timeout=100, env={**os.environ, 'PYTHONPATH': str(root)})
+    assert ended.returncode == 0 and 'exception' not in ended.stderr, ended.stderr
 
 
 @pytest.mark.thorough

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 import math
 from typing import Any
 
@@ -130,3 +131,17 @@ class Settings:
         ours = {p.name: self[p.name] for p in parameters if p.name in self._settings}
         if ours and self.changed:
             self.changed(ours)
+
+
+def not_heeded(node) -> list[str]:
+    """Return a sentence on each parameter given at the start that a node does not have."""
+    # rclpy passes such ones over without a word, and has no public name for what was given.
+    given = getattr(node, '_parameter_overrides', {})
+    unknown = sorted(name for name in given if not node.has_parameter(name)
+                     and not name.startswith('qos_overrides.'))
+    said = []
+    for name in unknown:
+        near = get_close_matches(name, list(node.get_parameters_by_prefix('')), 1)
+        said.append(f'there is no parameter {name}: it is not heeded'
+                    + (f' (did you mean {near[0]}?)' if near else ''))
+    return said

@@ -24,10 +24,12 @@ from rclpy.exceptions import (
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from .params import not_heeded
 from ..core.errors import ImuNoiseError
 
 _REPEATED = 60.0            # s after which what goes on failing is logged again
 _PAUSE = 0.02               # s; what fails at once, again and again, must not take a core
+_SETTLE = 0.5               # s that callbacks have to end, of the two that a stop may take
 _busy: list[object] = []
 _ending = threading.Event()
 
@@ -74,6 +76,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None,
     node = executor = None
     try:
         node = make_node()
+        for sentence in not_heeded(node):
+            node.get_logger().warning(sentence)
         executor = make_executor()
         executor.add_node(node)
         while rclpy.ok() and not stop.is_set() and getattr(node, 'status', None) is None:
@@ -130,10 +134,21 @@ def _close(node, executor) -> None:
     finally:
         if executor is not None:
             executor.remove_node(node)
+            _settle(executor)
             executor.shutdown(timeout_sec=0.0)      # else its handles outlive the context
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _settle(executor) -> None:
+    """Let callbacks end that a pool of threads has begun, but for computations."""
+    # Else they reach for what is destroyed beneath them, and rclpy prints that. Its own shutdown
+    # does not wait (it asks for what it has just set), and has no public name for what runs.
+    end = time.monotonic() + _SETTLE
+    while (not _busy and time.monotonic() < end
+           and not all(task.done() for task in getattr(executor, '_futures', ()))):
+        time.sleep(0.005)
 
 
 def ending() -> bool:

@@ -116,13 +116,14 @@ class ImuInput:
         return InputError(f'nothing was received yet: nobody publishes on {self.topic}', remedy)
 
     def _others(self) -> list[str]:
-        """Return the Imu topics on which others publish."""
+        """Return the Imu topics on which others publish that do not wait for this one too."""
         node = self._node
-        own = dict(node.get_publisher_names_and_types_by_node(
-            node.get_name(), node.get_namespace()))
+        waiting = {(s.node_namespace, s.node_name)
+                   for s in node.get_subscriptions_info_by_topic(self.topic)}
         return [t for t, kinds in node.get_topic_names_and_types()
-                if _KIND in kinds and t not in own and t != self.topic and any(
-                    p.topic_type == _KIND for p in node.get_publishers_info_by_topic(t))]
+                if _KIND in kinds and t != self.topic and any(
+                    p.topic_type == _KIND and (p.node_namespace, p.node_name) not in waiting
+                    for p in node.get_publishers_info_by_topic(t))]
 
     def _match(self) -> None:
         """Go over to best effort where a publisher is, and back when none is left."""
