@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 import subprocess
 import sys
+import time
 
 import bad_input
 import numpy as np
@@ -135,6 +136,21 @@ def test_a_topic_on_which_nothing_comes_is_said_with_the_reason(ros):
             assert wait_for(lambda: level(got, node, name) == messages.STALE), got[-1:]
             assert wanted in of(got, node)[name].message
     for publisher in (other, wrong):
+        ros.node.destroy_publisher(publisher)
+
+
+@pytest.mark.thorough
+def test_two_publishers_of_one_topic_are_said_once(ros):
+    """Samples of two IMUs in one stream are no record of either."""
+    space = ros.namespace()
+    node = ros.start('filter', space)
+    ros.ready(node)
+    topic = f'{space}/imu/data_raw'
+    both = [ros.node.create_publisher(Imu, topic, 10) for _ in range(2)]
+    assert wait_for(lambda: f'2 publish on {topic}' in node.text), node.text
+    time.sleep(2.5)
+    assert node.text.count('come mixed') == 1
+    for publisher in both:
         ros.node.destroy_publisher(publisher)
 
 

@@ -87,8 +87,8 @@ def test_a_parameter_that_a_node_does_not_have_is_said(ros):
     """A misspelt one would be passed over without a word; what is there is no such one."""
     process = ros.start('filter', ros.namespace(), **{'whit.R': 1e-4, 'alpha': 0.9})
     ros.ready(process)
-    assert wait_for(lambda: 'there is no parameter whit.R: it is not heeded (did you mean white.R?)'
-                    in process.text), process.text
+    said = 'there is no parameter whit.R: it is not heeded (did you mean white.R?)'
+    assert wait_for(lambda: said in process.text), process.text
     assert process.text.count('no parameter') == 1
 
 

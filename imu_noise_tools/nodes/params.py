@@ -133,7 +133,7 @@ class Settings:
             self.changed(ours)
 
 
-def not_heeded(node) -> list[str]:
+def not_heeded(node: Any) -> list[str]:
     """Return a sentence on each parameter given at the start that a node does not have."""
     # rclpy passes such ones over without a word, and has no public name for what was given.
     given = getattr(node, '_parameter_overrides', {})

@@ -72,6 +72,7 @@ class ImuInput:
         self._node, self._take, self._profile = node, take, profile
         self._callback = self._drain if drain else self._one
         self._name, self._heard, self._quiet, self._told = topic, False, 0, ''
+        self._mixed = 0
         self.topic = node.resolve_topic_name(topic)
         self._group = MutuallyExclusiveCallbackGroup()
         self.best_effort = False
@@ -94,10 +95,22 @@ class ImuInput:
         """Follow the publishers, and say why nothing comes."""
         if self._automatic:
             self._match()
+        self._count()
         self._quiet += 1
         if self._quiet >= _QUIET_S and (why := self.silence()) and why.message != self._told:
             self._told = why.message
             self._node.get_logger().warning(str(why))
+
+    def _count(self) -> None:
+        """Say once where several publish for some seconds: one that died stays known a while."""
+        sources = [f'{p.node_namespace.rstrip("/")}/{p.node_name}'
+                   for p in self._node.get_publishers_info_by_topic(self.topic)
+                   if p.topic_type == _KIND]
+        self._mixed = self._mixed + 1 if len(sources) > 1 else 0
+        if self._mixed == _QUIET_S:
+            self._node.get_logger().warning(
+                f'{len(sources)} publish on {self.topic} ({", ".join(sorted(sources))}): their '
+                'samples come mixed; give each IMU a topic of its own')
 
     def silence(self) -> InputError | None:
         """Return why nothing was ever received, by who publishes; None where something was."""
