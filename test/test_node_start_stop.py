@@ -217,3 +217,15 @@ def test_the_file_of_the_paper_states_its_filter(make_filter, root):
     r, q = (pytest.approx(math.radians(x) ** 2) for x in (device['noise_deg_s'], 0.02))
     assert ran.alpha == 0.7 and values == {
         'constant_rate': {}, 'ar_increment': {'phi': device['phi'], 'q': q}, 'white': {'R': r}}
+
+
+def test_an_answer_may_be_read_in_part():
+    """What takes the first lines ends; the rest is nobody's failure."""
+    run = ('import sys; from imu_noise_tools.nodes import trigger; '
+           'trigger.call = lambda *_: (True, "[" + "1, " * 20000 + "1]"); '
+           'sys.exit(trigger.main(["/a/b"]))')
+    with subprocess.Popen([sys.executable, '-c', run], text=True, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE) as process:
+        assert process.stdout.read(2) == '[1'
+        process.stdout.close()
+        assert process.stderr.read() == '' and process.wait(60) == 0

@@ -70,7 +70,10 @@ def main(args: list[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 3
-    print(dump_yaml(plain_yaml(answer[1])).rstrip())
+    try:
+        print(dump_yaml(plain_yaml(answer[1])).rstrip(), flush=True)
+    except BrokenPipeError:     # who reads has enough; nor is what is left said as the process ends
+        sys.stderr.close()
     return 0 if answer[0] else 1
 
 
