@@ -340,7 +340,10 @@ class NoiseProblem(Problem):
                                  if isinstance(f.effect, NoiseEffect))
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
-            return where_to_look(failed)
+            near = [f.effect for f in ranked if f.gain > f.penalty and f.against
+                    and isinstance(f.effect, NoiseEffect) and f.effect.decide]
+            return where_to_look(failed) or ''.join(
+                f'To see whether it is {e.name} after all: {e.decide}.' for e in near[:1])
         found = [f.effect for f in ranked if verdict == 'missing' and not f.against
                  and (f.probability or 0.0) >= SURE]
         return ' '.join(dict.fromkeys(filter(None, (
