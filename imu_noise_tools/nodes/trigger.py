@@ -72,7 +72,7 @@ def main(args: list[str] | None = None) -> int:
         return 3
     try:
         print(dump_yaml(plain_yaml(answer[1])).rstrip(), flush=True)
-    except BrokenPipeError:     # who reads has enough; nor is what is left said as the process ends
+    except BrokenPipeError:     # who reads has enough; nothing is said of it as the process ends
         sys.stderr.close()
     return 0 if answer[0] else 1
 
