@@ -222,10 +222,10 @@ def test_the_file_of_the_paper_states_its_filter(make_filter, root):
 def test_an_answer_may_be_read_in_part():
     """What takes the first lines ends; the rest is nobody's failure."""
     run = ('import sys; from imu_noise_tools.nodes import trigger; '
-           'trigger.call = lambda *_: (True, "[" + "1, " * 20000 + "1]"); '
+           'trigger.call = lambda *_: (True, "a: " + "x" * 400000); '
            'sys.exit(trigger.main(["/a/b"]))')
     with subprocess.Popen([sys.executable, '-c', run], text=True, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE) as process:
-        assert process.stdout.read(2) == '[1'
+        assert process.stdout.read(2) == '{a'
         process.stdout.close()
         assert process.stderr.read() == '' and process.wait(60) == 0

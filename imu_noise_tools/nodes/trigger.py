@@ -14,6 +14,7 @@ answers.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 
@@ -72,8 +73,8 @@ def main(args: list[str] | None = None) -> int:
         return 3
     try:
         print(dump_yaml(plain_yaml(answer[1])).rstrip(), flush=True)
-    except BrokenPipeError:     # who reads has enough; nothing is said of it as the process ends
-        sys.stderr.close()
+    except BrokenPipeError:     # who reads has enough; nor is the rest written as the process ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0 if answer[0] else 1
 
 
