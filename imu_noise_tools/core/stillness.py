@@ -168,7 +168,12 @@ def longest_rest(
     """
     some = still_stretches(record) if stretches is None else stretches
     groups = without_knocks(record, some, BRIEF)
-    return max(groups, key=lambda g: record.t[g[-1][1] - 1] - record.t[g[0][0]], default=[])
+    return max(groups, key=lambda g: span(record, g), default=[])
+
+
+def span(record: ImuRecord, pieces: list[tuple[int, int]]) -> float:
+    """Return how long it is from the first sample of pieces to the last, s; 0 of none."""
+    return float(record.t[pieces[-1][1] - 1] - record.t[pieces[0][0]]) if pieces else 0.0
 
 
 def handled_ends(record: ImuRecord) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import ImuRecord, Memory, possible
 from ..core.statistics import FAR, grid_step
-from ..core.stillness import finite_mean, longest_rest, still_stretches
+from ..core.stillness import finite_mean, longest_rest, span, still_stretches
 from ..core.units import G0, times
 
 # the first twentieth is off by so many times the scatter of those of the second half
@@ -162,7 +162,7 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         gravity=None if accel is None else float(np.linalg.norm(accel)),
         units=units,
         still=tuple((float(tidy.t[a]), float(tidy.t[b - 1])) for a, b in still),
-        longest_still_s=_span(tidy, longest_rest(tidy, still)),
+        longest_still_s=span(tidy, longest_rest(tidy, still)),
         directions=_directions(tidy, still),
         moving=1 - sum(b - a for a, b in still) / tidy.n if tidy.n and clock else 0.0,
         warm_up=tuple(a for a in record.columns if rest.n >= 1000 and _warms_up(rest.column(a))),
@@ -174,11 +174,6 @@ def examine(record: ImuRecord, memory: Memory | None = None) -> Health:
         covariates=tuple(record.covariates),
     )
     return _with_advice(tidy, found)
-
-
-def _span(record: ImuRecord, pieces: list[tuple[int, int]]) -> float:
-    """Return how long it is from the first sample of pieces to the last, s; 0 of none."""
-    return float(record.t[pieces[-1][1] - 1] - record.t[pieces[0][0]]) if pieces else 0.0
 
 
 def _directions(record: ImuRecord, still: list[tuple[int, int]]) -> int:

@@ -29,7 +29,7 @@ from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import Disturbance, ImuRecord, MASKED, Memory, SENSORS
 from ..core.statistics import longest_in_a_row
-from ..core.stillness import handled_ends, longest_rest
+from ..core.stillness import handled_ends, longest_rest, span
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
@@ -256,10 +256,10 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
     pieces = longest_rest(record)
     a, b = (pieces[0][0], pieces[-1][1]) if pieces else (0, 0)
     whole = a == 0 and b == record.n
-    span = record.t[b - 1] - record.t[a] if b > a else 0.0
-    if not whole and span + record.dt < LEAST_REST_S:
+    rest = span(record, pieces)
+    if not whole and rest + record.dt < LEAST_REST_S:
         raise InputError(
-            f'{_name(record)}: the IMU moves; its longest still stretch is {span:.3g} s, under '
+            f'{_name(record)}: the IMU moves; its longest still stretch is {rest:.3g} s, under '
             f'{LEAST_REST_S:g} s at rest',
             f'{RECORDING}, or override with --keep-motion',
         )
@@ -269,7 +269,7 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
     part = replace(record.part(a, b), disturbances=shocks)
     if whole:
         return part
-    return part.warned(f'the IMU moves: the longest still stretch is analysed, {span:.4g} s from '
+    return part.warned(f'the IMU moves: the longest still stretch is analysed, {rest:.4g} s from '
                        f'{part.t[0]:.4g} s on')
 
 

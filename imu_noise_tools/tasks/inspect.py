@@ -119,6 +119,6 @@ def _one(record: ImuRecord, known, selection: Selection, memory: Memory) -> Insp
     except InputError as error:
         return Inspection(*about, f'no: {error.message.removeprefix(f"{record.path}: ")}')
     line = f'{part.n} samples, {duration(part.duration_s)} at rest'
-    if part.duration_s < record.duration_s - record.dt:
+    if part.duration_s < health.duration_s - part.dt:
         line += f', from {part.t[0]:.4g} to {part.t[-1]:.4g} s'
     return Inspection(*about, line, part.disturbances, part.left_out, looked=True)
