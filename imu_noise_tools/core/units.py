@@ -16,7 +16,7 @@ from datetime import datetime, timezone
 import math
 import re
 
-from .errors import InputError, UsageError
+from .errors import InputError, unknown, UsageError
 
 _SI = {
     'gyro': {'rate': 'rad/s', 'slope': 'rad/s^2', 'integral': 'rad'},
@@ -60,9 +60,9 @@ def to_si(sensor: str, unit: str) -> float:
         return known[unit]
     found = _COUNT.fullmatch(unit.strip())
     if found is None or (found[3] or SI[sensor]) not in known:
-        raise UsageError(
-            f'unknown {sensor} unit: {unit}', f'choose from {", ".join(known)}, or say what one '
-            f'count is, e.g. {A_COUNT[sensor]}')
+        error = unknown(f'{sensor} unit', unit, known)
+        raise UsageError(error.message, f'{error.remedy}, or say what one count is, e.g. '
+                         f'{A_COUNT[sensor]}')
     size, parts = float(found[1]), float(found[2] or 1)
     factor = size / parts * known[found[3] or SI[sensor]] if parts else math.inf
     if not (0 < factor < math.inf):
