@@ -180,6 +180,8 @@ class Effect:
     common: ClassVar[bool] = False
     # if its form is refuted, is the misfit real all the same? later candidates may not claim it
     stays: ClassVar[bool] = False
+    # does it say where something is, and not what? it is tried where nothing that has a name holds
+    nameless: ClassVar[bool] = False
     # views whose failure casts no doubt on it: it may cause that itself
     aside: ClassVar[tuple[str, ...]] = ()
     # parameters that do nothing unless the record asks for them: priced only where they are used

@@ -81,6 +81,11 @@ def certain(finding: Finding) -> bool:
     return finding.effect is not None and finding.effect.certain
 
 
+def nameless(finding: Finding) -> bool:
+    """Tell whether a finding says where something is, and not what."""
+    return finding.effect is not None and finding.effect.nameless
+
+
 def is_line(finding: Finding) -> bool:
     """Tell whether a finding is a line: few of all coefficients, that nothing could imitate."""
     return finding.effect is not None and finding.effect.certain and not finding.effect.counted

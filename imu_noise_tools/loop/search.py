@@ -27,7 +27,7 @@ from .against import Against, DOUBT
 from .effect import Finding, Model
 from .findings import (
     bends, certain, elsewhere, failures, fitted, fresh, gained, is_line, label, may_pair,
-    outweighs, pairs, price, surplus, together, yields
+    nameless, outweighs, pairs, price, surplus, together, yields
 )
 from .places import Place, Places
 from .prediction import State
@@ -67,8 +67,9 @@ class Search:
 
     def open_at(self, place: Place) -> list[Finding]:
         """Return the candidates at a place, best first, against which nothing speaks yet."""
-        return [f for f in place.candidates
+        some = [f for f in place.candidates
                 if not f.against and not self._fallen(place, f)]
+        return sorted(some, key=nameless)
 
     def _fallen(self, place: Place, finding: Finding) -> bool:
         """
@@ -277,6 +278,7 @@ class Search:
                 self.scores = known     # nor is what the chain lacked on its way there a rival
             else:
                 chains.append(other)
+        chains += self._without_a_name(chains)
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
         held = [f for f in held if f.effect is not None
@@ -491,6 +493,22 @@ class Search:
         if self.against.unhealed(before, after, together(last, g)):
             return []
         return [*members, self.places.beside_others(last, label(before, last), after), g]
+
+    def _without_a_name(self, chains: Sequence[list[Finding]]) -> list[list[Finding]]:
+        """
+        Return the chain that begins with what has no name, where each chain leaves something.
+
+        What has a name stands before it, and may leave what neither explains beside it.
+
+        """
+        if not all(map(self.places.left, chains)):
+            return []
+        place = self.places.at(self.places.base)
+        first = [f for f in self.able(place) if nameless(f)][:1] if place is not None else []
+        if not first or any(nameless(c[0]) for c in chains if c) or not (
+                self._heals([], first[0]) and self._lowers([], first[0])):
+            return []
+        return [self.chain(first)]
 
     def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:
         """

@@ -257,7 +257,8 @@ class Spectrum(NoiseEffect):
         """Return the one-sided PSD of the sampled process at f (n,), Hz: (n,), unit^2/Hz."""
         raise NotImplementedError
 
-    def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
+    def colour(self, evidence: Evidence,
+               part: str = 'whole') -> Callable[[np.ndarray], np.ndarray] | None:
         """Return by what samples show its PSD to differ, (n,) of f (n,), Hz; None: by nothing."""
         return None
 
@@ -270,6 +271,10 @@ class Spectrum(NoiseEffect):
     def uneven(self) -> bool:
         """Whether its power may come and go by more than Gaussian noise does, as a machine's."""
         return self.centre is not None
+
+    def heard_by_all(self, f: np.ndarray) -> np.ndarray:
+        """Tell at which f (n,), Hz, it is from outside, so that other axes hear it: (n,) bool."""
+        return np.zeros(np.shape(f), bool)
 
     @property
     def jumps(self) -> float:

@@ -701,7 +701,7 @@ class Likelihood:
 
     def _psd(self, effect):
         """Return the PSD (g,) of an effect, with the colour that the samples show."""
-        at, colour = asked(self.bins), effect.colour(self.evidence)
+        at, colour = asked(self.bins), effect.colour(self.evidence, self.part_name)
         psd = effect.psd(at, self.dt)
         return psd if colour is None else psd * colour(at)
 

@@ -27,7 +27,6 @@ from .evidence import claimed_lines, Evidence
 from .kinds import (
     Coupling,
     Defect,
-    is_peak,
     Mean,
     model_crowd,
     model_psd,
@@ -175,7 +174,7 @@ def _as_loud_as_here(likelihood: Likelihood, model: Model, whole: Fit | None, po
 
     """
     asked, w = 0.0, likelihood.weight
-    for e in filter(is_peak, model.effects):
+    for e in (s for s in model.of(Spectrum) if s.uneven):
         own = each[e.label]
         rest = np.maximum(v - own, 1e-9 * v)
         known = whole.model[e.label] if whole is not None and e.label in whole.model else e
@@ -344,7 +343,8 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
     covariance = (
         covariance_of_means(
             lambda f: model_psd(noise, f, e.dt) + _missed(e, fit.model, f),
-            count, used * e.common.slow_length, e.dt
+            count, used * e.common.slow_length, e.dt,
+            lambda low: _fast(e, fit, noise, low)
         )
         if noise.of(Spectrum)
         else np.eye(count) * np.var(mean(y))
@@ -365,8 +365,25 @@ def _missed(evidence: Evidence, model: Model, f: np.ndarray) -> np.ndarray | flo
     return np.interp(f, known.bins.f, known.missed(model))
 
 
-def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: int,
-                        dt: float) -> np.ndarray:
+def _fast(evidence: Evidence, fit: Fit, noise: Model, low: float) -> float | None:
+    """
+    Return the level that white noise would need to add as much to means of blocks.
+
+    As all of the noise of a model does above ``low`` Hz, by its power in the bins: peaks there may
+    be narrower than any grid. None where no bin is above that, or the fit has none.
+
+    """
+    bins = evidence.whole.bins
+    above = bins.f > low
+    if fit.details is None or not np.any(above):
+        return None
+    v = sum((v for k, v in fit.details.each.items() if k in noise), np.zeros(len(bins.f)))
+    weight = (bins.count / np.sin(np.pi * bins.f * bins.dt) ** 2)[above]
+    return float(weight @ v[above] / np.sum(weight))
+
+
+def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: int, dt: float,
+                        beyond: Callable[[float], float | None] = lambda low: None) -> np.ndarray:
     """
     Return the covariance (count, count) of the means of blocks of n samples of noise of a density.
 
@@ -375,6 +392,8 @@ def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: 
 
     A cosine k of the record is, averaged over blocks, a cosine of the blocks with the gain of its
     Dirichlet kernel; k and 2 count j +- k fold onto each other, those of them that the record has.
+    Of the first of these each is asked for; the others are all taken for as loud as the last, or
+    as ``beyond`` tells of what is above its frequency, Hz.
 
     """
     q = np.arange(1, count)
@@ -388,7 +407,9 @@ def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: 
     low = expected(psd, bins_of(n, dt))[: min(32, len(q))]
     s[0, : len(low)] = low
     missing = np.maximum(1 - gain2.sum(axis=0) * count / n * length, 0)
-    v = (np.sum(s * gain2, axis=0) * count / n + missing * s[-1] / length) / (2 * dt)
+    rest = beyond(float(np.max(k)) / (2 * n * dt))
+    rest = s[-1] if rest is None else rest
+    v = (np.sum(s * gain2, axis=0) * count / n + missing * rest / length) / (2 * dt)
     j = np.arange(count) + 0.5
     basis = np.sqrt(2 / count) * np.cos(np.pi * np.outer(j, q) / count)
     return np.asarray((basis * v) @ basis.T)
@@ -845,10 +866,14 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
         other = np.maximum(other - 2 * its * both + its**2 * own, 1e-300)
         both = both - its * own
     level = np.sqrt(_running(own) * _running(other))
+    for e in fit.model.of(Spectrum) if fit is not None else ():
+        w = np.where(e.heard_by_all(bins.f), 0.0, w)
 
     def total(v):
-        return np.add.reduceat(v, starts)
+        v = np.add.reduceat(v, starts)
+        return v[asked]
 
+    asked = np.add.reduceat(w, starts) > 0
     r = total(w * both / level) / np.sqrt(
         total(w * own / _running(own)) * total(w * other / _running(other))
     )

@@ -62,7 +62,8 @@ class Quantization(Spectrum):
                 out['turned'] = np.array(turned[0])
         return out
 
-    def colour(self, evidence: Evidence) -> Callable[[np.ndarray], np.ndarray] | None:
+    def colour(self, evidence: Evidence,
+               part: str = 'whole') -> Callable[[np.ndarray], np.ndarray] | None:
         """Return the spectrum of the angle's error over that of a white one, a function of Hz."""
         r = evidence.kept(self.name).get('colour', np.ones(1))
         if len(r) == 1:

@@ -12,7 +12,7 @@ from scipy.special import binom, chdtrc, chdtri, digamma, pdtrc, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
-from ..kinds import Defect, Inputs, Parameter
+from ..kinds import Defect, Inputs, Parameter, Spectrum
 from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ..views import of_nats
@@ -147,6 +147,14 @@ class Shock(Defect):
                             weights=np.maximum(kept['worth'][some], 0.0))[0]
         return of_nats('moments', 0.5 * (edges[1:] + edges[:-1]) * evidence.dt, nats, part,
                        bool(fit.model.of(cls)))
+
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that what rings is a machine that wanders past, where the model has one there."""
+        ring = self.values.get('ring', 0.0)
+        for e in fit.model.of(Spectrum):
+            if ring > 0 and e.heard_by_all(np.array(ring)):
+                return f'a ring at {ring:.4g} Hz is {e.label}, which comes and goes there'
+        return ''
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Weigh what rings, and what is loud, against noise as it is around them."""

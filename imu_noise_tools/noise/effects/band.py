@@ -1,0 +1,166 @@
+# SPDX-FileCopyrightText: 2026 imu_noise_tools maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A band of noise of no form that is known: machines that change their speed."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.fft import idct
+from scipy.ndimage import median_filter
+
+from ..evidence import Evidence, Part
+from ..kinds import Inputs, Parameter, Spectrum
+from ...core.spectrum import Bins
+from ...core.statistics import in_a_row
+from ...loop.effect import Effect
+
+STEP = 0.05     # of ln f: steps in which bands are looked for
+AROUND = 35     # such steps, over which the median is what is around a band
+HIGH = 10.0     # times the power around it that a band has somewhere (a choice: 10 dB)
+OCTAVE = 2.0    # f/f: all but a little of its power is within one
+MOST = 0.05, 0.95   # of that power: between these
+CLEAR = 1.0     # standard errors above what is around it, to where it ends
+MANY = 4        # that are looked for
+POINTS = 1024   # of the rule by which its Allan variance is integrated
+NOTHING = 1e-9  # of its level, outside of it
+LAST = 0.01     # of the spectrum's end: what stands for what is above a band that ends there
+
+
+class Band(Spectrum):
+    """
+    Noise in a band that stands high above what is around it, in whichever form.
+
+    Its levels are those that are measured: a motor whose speed wanders, or several side by side,
+    follow no formula, and what is known of them is where they are and how strong.
+
+    """
+
+    name = 'band'
+    symbol = 'low, high, rms'
+    title = 'a band of noise of no known form'
+    equation = 'S(f) as measured from low to high, less what is around it; rms^2 its integral'
+    signature = 'a hump or several in the PSD, ten times as high as what is around them'
+    hint = (
+        'Something that turns or swings near by and changes its speed, or several: motors, '
+        'an engine, a fan. It is none of the sensor\'s own noise. Record with it stopped; isolate '
+        'the mount; put a notch or a low-pass there.'
+    )
+    reference = 'none: it is measured'
+    several = True
+    certain = True      # what is measured needs no form
+    nameless = True
+    filtered = False    # it is measured behind the filter
+    decide = 'record with the machines near by stopped'
+    parameters = (
+        Parameter('low', 'Hz', 1e-5, 1e5, discrete=True, title='where it begins'),
+        Parameter('high', 'Hz', 1e-5, 1e5, discrete=True, title='where it ends'),
+        Parameter('rms', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
+    )
+
+    def starts(self, evidence: Evidence) -> list[Effect]:
+        """Start with the strongest bands that stand out of the spectrum around them."""
+        if {'low', 'high'} <= set(self.values):
+            return super().starts(evidence)
+        return [self.with_values(low=low, high=high) for low, high in _bands(evidence)]
+
+    @property
+    def uneven(self) -> bool:
+        """What a machine makes may come and go."""
+        return True
+
+    def colour(self, evidence: Evidence,
+               part: str = 'whole') -> Callable[[np.ndarray], np.ndarray]:
+        """Return the band as it is measured in a part over an even one, a function of Hz."""
+        bins, above = _above(evidence.part(part), self['low'], self['high'])
+        _, whole = _above(evidence.whole, self['low'], self['high'])
+        even = np.sum(whole * evidence.whole.bins.count) / (
+            2 * evidence.whole.bins.n * evidence.dt * (self['high'] - self['low']))
+        step = 2 * bins.n * bins.dt
+        return lambda f: above[np.clip(bins.index(np.round(f * step)), 0, len(above) - 1)] / max(
+            even, 1e-300)
+
+    def heard_by_all(self, f: np.ndarray) -> np.ndarray:
+        """Tell that within the band axes share what shakes them all."""
+        return (f >= self['low']) & (f < self['high'])
+
+    def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
+        """Return rms^2/(high - low) within the band, one-sided, and next to nothing elsewhere."""
+        level = self['rms'] ** 2 / (self['high'] - self['low'])
+        return level * np.where(self.heard_by_all(np.asarray(f, float)), 1.0, NOTHING)
+
+    def binned(self, bins: Bins) -> np.ndarray:
+        """Return its power in bins, of one at an end by how many of its coefficients are within."""
+        ends = np.ceil(2 * bins.n * bins.dt * np.array([[self['low']], [self['high']]]))
+        within = np.diff(np.clip(ends, bins.first, bins.last), axis=0)[0] / bins.count
+        level = self['rms'] ** 2 / (self['high'] - self['low'])
+        return level * (within + NOTHING * (1 - within))
+
+    def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
+        """
+        Return the integral of its transfer (IEEE 952 annex C) over the band, by the midpoint rule.
+
+        Of many oscillations of that their mean, 3/8, counts, and 1/sin^2 has its antiderivative.
+
+        """
+        low, high = self['low'], min(self['high'], 0.5 / dt)
+        m = np.asarray(m, float)
+        f = low + (high - low) * (np.arange(POINTS) + 0.5) / POINTS
+        own = np.mean(np.sin(np.pi * np.outer(m, f) * dt) ** 4 / np.sin(np.pi * f * dt) ** 2, axis=1)
+        ends = 1 / np.tan(np.pi * np.array([low, high]) * dt)
+        many = 0.375 * (ends[0] - ends[1]) / (np.pi * dt * (high - low))
+        own = np.where(m * dt * (high - low) < POINTS / 16, own, many)
+        return 2 * self['rms'] ** 2 * (high - low) / (self['high'] - self['low']) * own / m**2
+
+    def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
+        """Add cosines of the record within the band, of random amplitudes."""
+        n, dt = len(x), inputs.dt
+        power = self.psd(np.arange(n) / (2 * n * dt), dt) / (2 * dt)
+        power[0] = 0.0
+        return x + idct(rng.standard_normal(n) * np.sqrt(power), type=2, norm='ortho')
+
+    @classmethod
+    def example(cls) -> Effect:
+        """Return a band of 4 to 8 Hz, of 206 deg/h rms (1e-3 rad/s)."""
+        return cls({'low': 4.0, 'high': 8.0, 'rms': 1e-3})
+
+
+def _above(part: Part, low: float, high: float) -> tuple[Bins, np.ndarray]:
+    """Return the bins of a part, and the power (b,) in a band beyond what is around it."""
+    bins = part.bins
+    beside = np.log(_beside(part, low, high))
+    around = np.exp(np.interp(np.log(bins.f), np.log([low, high]), beside))
+    inside = (bins.f >= low) & (bins.f < high)
+    return bins, np.where(inside, np.maximum(part.power - around, 0.0), 0.0)
+
+
+def _beside(part: Part, low: float, high: float) -> np.ndarray:
+    """Return the level (2,) below a band and above it, or at its end where the spectrum ends."""
+    top = 0.5 / part.dt
+    ends = high * (1 - LAST), high
+    if high < top * (1 - LAST):
+        ends = high, min(high * (1 + STEP), top)
+    return np.array([part.bins.between(part.power, np.array(some))[1][0]
+                     for some in ((low * (1 - STEP), low), ends)])
+
+
+def _bands(evidence: Evidence) -> list[tuple[float, float]]:
+    """Return where (low, high), Hz, each of the bands is that stand out most, best first."""
+    whole, top = evidence.whole, 0.5 / evidence.dt
+    f = top * np.exp(-STEP * np.arange(np.log(top * evidence.duration / 8) / STEP)[::-1])
+    if len(f) < AROUND:
+        return []
+    count, mean = whole.bins.between(whole.power, f)
+    over = np.log(mean) - median_filter(np.log(mean), AROUND)
+    clear = over > CLEAR * np.sqrt(2 / count)
+    runs = [(a, b, float(np.max(over[a:b]))) for a, b in in_a_row(clear) if a > 0]
+    out = []
+    for a, b, high in sorted(runs, key=lambda z: -z[2]):
+        ends = float(f[a]), float(f[b])
+        if high < np.log(HIGH) or np.max(mean[a:b]) < HIGH * np.max(_beside(whole, *ends)):
+            continue
+        total = np.cumsum(_above(whole, *ends)[1] * whole.bins.count)
+        first, last = whole.bins.f[np.searchsorted(total, np.array(MOST) * total[-1])]
+        if last <= OCTAVE * first:
+            out.append(ends)
+    return out[:MANY]
