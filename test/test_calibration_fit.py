@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import calibration_sessions as sim
 import numpy as np
-from params import daily
+from params import daily, seldom
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -271,6 +271,21 @@ def test_faces_need_no_level(tilt):
             assert np.degrees(fit.details.tilt) == pytest.approx(tilt, rel=0.95)
     assert 0.93 <= np.mean(hits) <= 0.975
     assert 1e6 * np.sqrt(np.mean(np.square(scale))) < LEVEL[tilt]
+
+
+@pytest.mark.parametrize('tilt, times', [(1, 1), *(seldom(*row) for row in (
+    (0.2, 1), (0.5, 1), (3, 1), (10, 1), (1, 2)))])
+def test_intervals_of_faces_hold_for_axes_that_are_not_square(tilt, times):
+    """Cross-axis terms of 3 %, which faces cannot tell: intervals hold, and ± about values."""
+    rng = np.random.default_rng(26)
+    inside, near = [], []
+    for _ in range(200):
+        device = sim.Device.drawn(rng, cross=0.03)
+        found = estimates(core.fit(core.base_model(), six(rng, device, tilt, times), 'faces'))
+        true = truth(device)
+        inside.append([e.ci95[0] <= true[k] <= e.ci95[1] for k, e in found.items()])
+        near.append([abs(true[k] - e.point) < 2 * e.std for k, e in found.items()])
+    assert 0.92 <= np.mean(inside) <= 0.975 and np.mean(near) > 0.92
 
 
 @pytest.mark.parametrize('turn, tilt, low, high', [(0, 3, 0.0, 0.7), (8, 1, 7.0, 9.0),

@@ -338,11 +338,12 @@ def _square_axes(keys: Sequence[tuple[str, str]], scale: np.ndarray) -> np.ndarr
 
 
 def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method: str,
-              before: bool = True) -> tuple[Equations, float]:
+              before: bool = True, cross: float = faces.CROSS) -> tuple[Equations, float]:
     """
     Return the whitened equations around S = scale (3, 3), and the log-determinant taken away.
 
-    ``before`` puts what is known without any pose in front, where the method knows something.
+    ``before`` puts what is known without any pose in front, where the method knows something: for
+    faces, that cross-axis terms are of rms ``cross``.
 
     """
     free = method in MAGNITUDES
@@ -355,7 +356,7 @@ def equations(model: Model, poses: Poses, scale: np.ndarray, tilt: float, method
     right = np.einsum('nri,in->nr', whitener, outputs).ravel()
     pose = np.repeat(np.arange(poses.n), whitener.shape[1])
     if method in ('faces', 'few') and before:
-        rows = faces.prior(elements(keys), scale, len(keys)) if method == 'faces' else (
+        rows = faces.prior(elements(keys), scale, len(keys), cross) if method == 'faces' else (
             _square_axes(keys, scale))
         matrix = np.vstack([rows, matrix])
         right, pose = np.r_[np.zeros(len(rows)), right], np.r_[np.full(len(rows), -1), pose]

@@ -400,7 +400,7 @@ def _doubts(fit: Fit, method: str, tilt: float) -> list[str]:
         if _TILTED_DEG < np.degrees(tilt) and tilt != faces.ANY:
             said.append(f'the faces are tilted by about {np.degrees(tilt):.1f} deg, which '
                         'cross-axis terms feel, and scale factors and biases where axes are not '
-                        'orthogonal (intervals expect 1 %, as data sheets state): level them, or '
+                        'orthogonal, which they hide (intervals allow for 3 %): level them, or '
                         f'hold {SPREAD_POSES} spread poses')
     elif method not in MAGNITUDES and dof:
         lateral = inputs == 0

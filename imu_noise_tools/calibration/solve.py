@@ -41,7 +41,8 @@ class Solved:
     theta : ndarray (m,)
         Coefficients in the order of ``equations.keys``.
     cov : ndarray (m, m)
-        Their covariance, tilt and leakage included.
+        Their covariance, tilt and leakage included; for ``faces`` about the middles of their
+        intervals.
     equations : Equations
         What was solved.
     inputs : ndarray (3, n)
@@ -117,8 +118,9 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     Fit a model to poses; what the poses do not determine is flagged, never refused.
 
     ``ols`` weighs every reading alike, ``wls`` by noise and tilt (rad, rms of each of two angles),
-    ``faces`` finds tilt and directions along with them (:mod:`.faces`), ``norm`` uses the
-    magnitude of the input alone and sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
+    ``faces`` finds tilt and directions along with them (:mod:`.faces`), with values for axes
+    square within 1 % and intervals for 3 %, ``norm`` uses the magnitude of the input alone and
+    sets S_yx = S_zx = S_zy = 0: it cannot see a common rotation.
     ``few`` does so with the angles between axes right to within 2 deg, until poses say otherwise.
 
     ``known`` (amplitude by label) are scatters that are not estimated here but were on more poses;
@@ -168,14 +170,22 @@ def fit(model: Model, poses: Poses, method: str = 'wls', tilt: float = TILT,
     state = State(state.poses, system.keys, theta)
     around = state.values
     if method == 'faces':
-        if dof:     # the tilt may well be larger than it was found
-            unsure, state, _ = _iterate(model, poses, method, tilt * np.sqrt(faces.wider(dof)))
-            state = State(state.poses, system.keys, unsure.theta)
-            around, cov = state.values, unsure.cov
-        state, cov = _settled(state, system, cov, dof)
-        # what is not beyond chance is left out of a value, but not out of its interval
-        around = {k: around[k] if k[0] == 'cross_axis' else v for k, v in state.values.items()}
+        state, cov, around = _of_faces(model, poses, tilt, dof)
     return report(model, state, system, cov, log_det, method, tilt, known, around)
+
+
+def _of_faces(model, poses, tilt, dof):
+    """Return the state of a usual sensor; covariance and middles of intervals of a poor one."""
+    wide = tilt * np.sqrt(faces.wider(dof))     # it may well be larger than it was found
+    found = []
+    for cross in (faces.CROSS, faces.POOR):
+        system, state, _ = _iterate(model, poses, 'faces', wide, cross)
+        free = State(state.poses, system.keys, system.theta)
+        found.append((free, *_settled(free, system, system.cov, dof)))
+    (_, state, _), (free, away, cov) = found
+    # what is not beyond chance is left out of a value, but not out of its interval
+    return state, cov, {k: free.values[k] if k[0] == 'cross_axis' else v
+                        for k, v in away.values.items()}
 
 
 def _settled(state, system, cov, dof):
@@ -223,7 +233,7 @@ class State:
         return np.array([self.values.get(('bias', f'b_{k}'), 0.0) for k in 'xyz'])
 
 
-def _iterate(model, poses, method, tilt):
+def _iterate(model, poses, method, tilt, cross=faces.CROSS):
     """Solve with the S (and for unknown directions these) of the last time, until they stay."""
     free = method in (*MAGNITUDES, 'faces')
     scale, bias = start(poses, method) if free else (_rough_scale(poses), np.zeros(3))
@@ -232,7 +242,7 @@ def _iterate(model, poses, method, tilt):
     # without unknown directions S enters the weights alone, unless an effect changes the input
     weights = 1e-10 if any(e.at_input for e in model.of(Regressor)) else 1e-4
     for _ in range(_TURNS):
-        system, log_det = equations(model, poses, scale, tilt, method)
+        system, log_det = equations(model, poses, scale, tilt, method, cross=cross)
         state = State(poses, system.keys, system.theta)
         new = state.scale if free else _sound(state.scale, system)
         change = np.abs(new - scale).max() / np.abs(scale).max()
@@ -428,6 +438,7 @@ def _estimate(parameter, found, sensor, base: bool) -> Estimate:
     if not determined:
         return Estimate(None, None, None, unit_, point=value, note='not determined by these poses')
     ci95 = interval(centre, std)
+    std = float(np.hypot(std, centre - value))      # of the value, which may be off the middle
     if not base and ci95[0] <= 0 <= ci95[1]:
         return Estimate(None, std, ci95, unit_, upper95=abs(value) + ONE_SIDED * std,
                         point=value,
