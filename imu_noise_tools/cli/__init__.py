@@ -2,3 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """The command line: parsing, progress and printing; all else is in tasks."""
+
+from ..core.interrupt import loading
+
+loading('imu_noise')

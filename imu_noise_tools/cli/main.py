@@ -19,6 +19,7 @@ import warnings
 
 from . import common, completion
 from ..core.errors import ImuNoiseError, unknown, UsageError
+from ..core.interrupt import loaded
 
 # The matrices here are small: threads of a linear algebra library cost more than they bring.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
@@ -58,7 +59,12 @@ def parser() -> argparse.ArgumentParser:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Raise Terminated for SIGTERM (docker stop, systemd, CI) and SIGHUP (a closed terminal)."""
+    """
+    Raise KeyboardInterrupt for Ctrl-C, and Terminated, which is one, for other requests to end.
+
+    SIGTERM comes of docker stop, systemd and CI, SIGHUP of a closed terminal.
+
+    """
     before: dict[int, Any] = {}
 
     def end(number, _):
@@ -67,6 +73,7 @@ def _ended_by_signals() -> Iterator[None]:
         raise common.Terminated(number)
 
     if threading.current_thread() is threading.main_thread():
+        loaded()
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) == signal.SIG_DFL:      # nohup ignores SIGHUP
                 before[number] = signal.signal(number, end)

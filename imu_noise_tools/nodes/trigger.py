@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from ..core.files import plain_yaml
+from ..core.interrupt import loaded
 from ..store import dump_yaml
 
 
@@ -60,6 +61,7 @@ def main(args: list[str] | None = None) -> int:
     parser.add_argument('service')
     parser.add_argument('--patience', type=float, default=60.0, metavar='SECONDS')
     given = parser.parse_args(args)
+    loaded()
     try:
         answer = call(given.service, given.patience)
     except KeyboardInterrupt:
