@@ -475,6 +475,16 @@ def test_apply_corrects_in_si_what_is_sent_in_another_unit(
         np.testing.assert_allclose(new['accel_calibrated'], accel * factor[read] - [0.1, 0, 0])
 
 
+def test_apply_says_that_poses_in_si_were_read_as_raw_counts(faces_npz, tmp_path, capsys):
+    """So small, all of them seem at rest, and the mean of six faces is next to nothing."""
+    file = stated(tmp_path / 'c.yaml', input_unit={'accel': '1/16384g', 'gyro': '1/131deg/s'})
+    assert main(['apply', str(faces_npz[0]), '-o', str(tmp_path / 'new.npz'),
+                 '--calibration', str(file)]) == 0
+    (said,) = [x for x in capsys.readouterr().err.splitlines() if 'wrong unit' in x]
+    assert said.endswith('it is in m/s^2 already, not in 1/16384g: use --accel-unit m/s^2 (and '
+                         '--gyro-unit rad/s, if that is not in 1/131deg/s either)')
+
+
 @pytest.mark.thorough
 def test_a_calibration_keeps_the_unit_of_what_it_was_made_from(faces_npz, tmp_path, capsys):
     """Its numbers are the same as of a recording in SI, and a loop's step keeps the unit."""

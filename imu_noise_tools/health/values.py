@@ -15,7 +15,7 @@ from ..core.clock import STAMPED_HZ
 from ..core.record import ImuRecord, possible
 from ..core.statistics import longest_in_a_row
 from ..core.stillness import finite_mean
-from ..core.units import A_COUNT, to_si
+from ..core.units import A_COUNT, SI, to_si
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
@@ -112,8 +112,7 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
         if not (7 <= g <= 12.5 or np.isnan(g)):
             said.append(
                 f'{SUSPECTED}: |mean acceleration| is {g:.4g} m/s^2 at rest, not 9.8'
-                + (_converted_twice(g, record.input_unit.get('accel'))
-                   or _likely_accel(g, record))
+                + (_converted_twice(record) or _likely_accel(g, record))
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
@@ -136,10 +135,18 @@ def suspected(warnings: Iterable[str]) -> list[str]:
     return ['gyro'] * any(of_gyro) + ['accel'] * (not all(of_gyro))
 
 
-def _converted_twice(g: float, unit: str | None) -> str:
-    if unit and 7 <= g / to_si('accel', unit) <= 12.5:
-        return f'; it is in m/s^2 already, not in {unit}: use --accel-unit m/s^2'
-    return ''
+def _converted_twice(record: ImuRecord) -> str:
+    """Say so where the accelerations are of the size of gravity as they were recorded."""
+    unit, other = (record.input_unit.get(s, SI[s]) for s in ('accel', 'gyro'))
+    if unit == SI['accel'] or record.accel is None:
+        return ''
+    # Each by itself: so small, those of all poses together seem to rest, and their mean is none.
+    sizes = np.linalg.norm(record.accel, axis=1) / to_si('accel', unit)
+    if not 7 <= np.nanmedian(sizes) <= 12.5:
+        return ''
+    return (f'; it is in m/s^2 already, not in {unit}: use --accel-unit m/s^2'
+            + (f' (and --gyro-unit rad/s, if that is not in {other} either)'
+               if record.gyro is not None and other != SI['gyro'] else ''))
 
 
 def _counts(sensor: str) -> str:
