@@ -323,11 +323,18 @@ def test_what_takes_long_shows_how_far_it_is(tmp_path, analysed, command):
     assert '\r' not in said
 
 
-@pytest.mark.parametrize('density, said', [(0.0055, True), (1.2e-3, False)])
-def test_a_gyro_in_deg_s_is_suspected_by_its_noise(tmp_path, here, density, said):
-    """0.0055 deg/s/sqrt(Hz) is a good sensor, and in rad/s none is so bad; nor is a truck."""
+@pytest.mark.parametrize('density, shaken, said', [
+    (0.0055, 0, True), (1.2e-3, 0, False), (1e-4, 500, False), (0.0055, 500, True)])
+def test_a_gyro_in_deg_s_is_suspected_by_its_noise(tmp_path, here, density, shaken, said):
+    """
+    0.0055 deg/s/sqrt(Hz) is a good sensor, and in rad/s none is so bad; nor is a truck.
+
+    A machine may shake it (deg/s at 50 Hz) as it likes.
+
+    """
     r = bad_input.still(70)
     noise = density * np.sqrt(r.rate_hz) * np.random.default_rng(3).standard_normal((r.n, 3))
+    noise += np.radians(shaken) * np.sin(2 * np.pi * 50.3 * r.t)[:, None] * [1, 0.5, 0.2]
     np.savez(tmp_path / 'x.npz', gyro=noise + 0.05, accel=r.accel, t=r.t)
     out, _ = here('inspect', tmp_path / 'x.npz')
     assert ('if it is in deg/s, use --gyro-unit deg/s' in ' '.join(out.split())) == said

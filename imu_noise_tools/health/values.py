@@ -19,6 +19,7 @@ from ..core.units import A_COUNT, SI, to_si
 
 LOUD = 4e-3      # rad/s/sqrt(Hz), two-sided: an idling truck under a gyro has 1.1e-3
 CALM_PARTS, FEWEST = 10, 100     # parts of a record, and samples that tell how calm one is
+FLOOR = 10_000          # samples that are enough for it
 FASTEST = 70.0          # rad/s: 4000 deg/s, the widest range that is common
 FAST = 10               # samples beyond it are no outliers of an IMU in rad/s
 PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit than s
@@ -116,14 +117,13 @@ def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
             )
     if record.gyro is not None:
         rate = float(np.max(np.abs(finite_mean(record.gyro))))
-        scatter = float(np.max(_scatter(record.gyro)))
-        density = _calmest(record.gyro) * np.sqrt(record.dt)
-        # 30 deg/s of bias, 11 deg/s of sample noise, or 14 deg/sqrt(h) where it is calmest: no
-        # gyro is so bad; the same numbers in deg/s are common.
-        if rate > 0.52 and not turns or scatter > 0.2 or density > LOUD:
+        density = _calmest(record.gyro, record.dt)
+        # 30 deg/s of bias, or 14 deg/sqrt(h) of white noise where it is calmest: no gyro is so
+        # bad; the same numbers in deg/s are common. A machine may shake it by any amplitude.
+        if rate > 0.52 and not turns or density > LOUD:
             said.append(
-                f'{SUSPECTED}: the gyro reads {rate:.3g} rad/s (scatter {scatter:.3g}) '
-                f'at rest{_likely_gyro(record.gyro)}'
+                f'{SUSPECTED}: the gyro reads {rate:.3g} rad/s, with noise of {density:.2g} '
+                f'rad/s/sqrt(Hz), at rest{_likely_gyro(record.gyro)}'
             )
     return said
 
@@ -178,18 +178,28 @@ def _likely_accel(g: float, record: ImuRecord) -> str:
     return '; gravity may have been removed' if g < 0.5 else ''
 
 
-def _calmest(data: np.ndarray) -> float:
-    """Return the scatter of the noisiest axis (n, 3) in the part in which that is least."""
+def _calmest(data: np.ndarray, dt: float) -> float:
+    """Return the white noise of the noisiest axis (n, 3) in the part in which that is least."""
     parts = [x for x in np.array_split(data, CALM_PARTS) if len(x) >= FEWEST] or [data]
-    return min(float(np.max(_scatter(x))) for x in parts)
+    return min(max(_white(x, dt) for x in part[:FLOOR].T) for part in parts)
 
 
-def _scatter(data: np.ndarray) -> np.ndarray:
-    """Return the scatter of the samples, (3,), from neighbours."""
-    step = np.diff(data[:100_000], axis=0)
-    return np.array(
-        [x[good].std() if (good := possible(x)).any() else 0.0 for x in step.T]
-    ) / np.sqrt(2)
+def _white(x: np.ndarray, dt: float) -> float:
+    """
+    Return the density of the white noise of an axis (n,), two-sided, in its unit/sqrt(Hz).
+
+    It is no more than neighbours differ by, which what sways hardly does, and no more than most
+    of the spectrum lies at up to a quarter of the rate, of which the lines of a machine are but a
+    few bins: the taper keeps each within them.
+
+    """
+    x = x[possible(x)]
+    if len(x) < 20:
+        return 0.0
+    taper = np.hanning(len(x))
+    power = np.abs(np.fft.rfft((x - x.mean()) * taper)[2:len(x) // 4]) ** 2
+    level = np.median(power) / np.log(2) / (taper @ taper)
+    return float(np.sqrt(min(level, np.var(np.diff(x)) / 2) * dt))
 
 
 def at_the_end(found: Mapping[str, Sequence[tuple[float, int]]], n: int) -> list[str]:
