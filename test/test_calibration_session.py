@@ -445,6 +445,30 @@ def test_apply_says_what_it_assumes_and_what_is_missing(faces_npz, tmp_path, cap
     np.testing.assert_allclose(off, np.tile([0.1, 0, 0], (len(off), 1)), atol=1e-9)
 
 
+@pytest.mark.parametrize('bent, command', [(0, 'apply BAG'), (2e-3, 'calibrate BAG MORE')])
+def test_what_to_run_after_a_calibration(tmp_path, capsys, bent, command):
+    """Six faces cannot tell i^2 from |i|, by which the values differ: more poses decide that."""
+    rng = np.random.default_rng(1)
+    _, ups = sim.faces(2)
+    device = sim.Device(quadratic=(bent, -bent, bent), noise=2e-3)
+    t, gyro, accel, _ = sim.stream(device, ups, rng)
+    bag = write(tmp_path / 'faces.npz', t, gyro, accel)
+    out = tmp_path / 'out'
+    assert main(['calibrate', str(bag), '-o', str(out), '--sensor', 'accel']) == 0
+    said = capsys.readouterr().out
+    assert ('undecidable: ' in said) == (bent > 0)
+    assert said.splitlines()[-1].startswith(f'next: imu_noise {command}')
+    assert main(['diagnose', str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == said.splitlines()[-1]
+    if not bent:
+        return
+    more = sim.stream(device, sim.spread_directions(12, rng), rng)
+    write(tmp_path / 'more.npz', *more[:3])
+    assert main(['calibrate', str(bag), str(tmp_path / 'more.npz'), '-o', str(out), '--sensor',
+                 'accel', '--force']) == 0
+    assert 'missing: add quadratic' in capsys.readouterr().out
+
+
 def stated(path, **said):
     """Write a calibration with a bias of (0.1, 0, 0) m/s^2 that says so of its input."""
     path.write_text(yaml.safe_dump({'sensor': 'accel', 'S': np.eye(3).tolist(),

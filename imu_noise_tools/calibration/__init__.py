@@ -28,12 +28,14 @@ TITLE = 'Calibration of an IMU'
 NUMBERS = ''        # the format whose numbers open the page about a study
 UNDISTURBED = 'Nothing stands out of its noise.'
 NEXT = (('imu_noise apply BAG -o BAG2 --calibration {study}', 'corrects a recording'),)
+DECIDES = (('imu_noise calibrate BAG MORE -o {study} --force',
+            'decides, with poses in MORE that the advice asks for'),)
 
 __all__ = [
     'applied', 'arrays_of', 'as_dict', 'base_model', 'calibrate', 'calibrate_turns',
     'Calibration', 'CalibrationProblem', 'Captured', 'coarse', 'completed', 'Correction',
-    'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity', 'held',
-    'HOLD_S', 'is_heated', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
+    'DECIDES', 'DIRECTIONS', 'EARTH_RATE', 'FACES', 'fit', 'from_dict', 'gathered', 'gravity',
+    'held', 'HOLD_S', 'is_heated', 'joined', 'nearest_face', 'NEXT', 'normal_gravity', 'of_study',
     'offset_of', 'ols', 'Poses', 'positions', 'problems', 'REFERENCE', 'refuse_crossed_axes',
     'refuse_missing_axes', 'Regressor', 'rests', 'Scatter', 'Session', 'stated', 'STILL_S',
     'TITLE', 'together', 'too_short', 'Turns', 'turns', 'TurnsProblem', 'UNDISTURBED']

@@ -73,6 +73,7 @@ def register(commands: Any) -> None:
 def calibrate(args: argparse.Namespace) -> int:
     """Run ``calibrate``."""
     from ..core.errors import UsageError
+    from ..report.words import next_steps
     from ..tasks import calibration as tasks
     common.load_own_effects(args)
     selection = common.selection_of(args)
@@ -101,7 +102,8 @@ def calibrate(args: argparse.Namespace) -> int:
     if 'time_offset' in data:
         print(_late(data['time_offset']))
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
-    print(f'next: imu_noise apply BAG -o BAG2 --calibration {done.folder}')
+    for command, why in next_steps(done.study, done.folder):
+        print(f'next: {command}    {why}')
     return 0
 
 

@@ -20,7 +20,8 @@ TITLE = 'Innovations of a filter'
 NUMBERS = ''        # the format whose numbers open the page about a study
 UNDISTURBED = 'Nothing stands out of its noise.'
 NEXT = ()
+DECIDES = ()
 
-__all__ = ['arrays_of', 'Block', 'ConstantRate', 'FilterEffect', 'FilterProblem', 'Look', 'Motion',
-           'NEXT', 'noise_blocks', 'nothing', 'Oscillation', 'oscillator', 'OutputNoise',
-           'problem_of', 'problems', 'TITLE', 'UNDISTURBED']
+__all__ = ['arrays_of', 'Block', 'ConstantRate', 'DECIDES', 'FilterEffect', 'FilterProblem',
+           'Look', 'Motion', 'NEXT', 'noise_blocks', 'nothing', 'Oscillation', 'oscillator',
+           'OutputNoise', 'problem_of', 'problems', 'TITLE', 'UNDISTURBED']

@@ -10,10 +10,11 @@ effects are known however the question came. Its face is
 ``problems(arrays)``, ``arrays_of(problems)``
     its targets (:class:`~imu_noise_tools.loop.problem.Problem`) from the arrays of evidence.npz,
     and back;
-``TITLE``, ``NEXT``, ``NUMBERS``, ``UNDISTURBED``
+``TITLE``, ``NEXT``, ``DECIDES``, ``NUMBERS``, ``UNDISTURBED``
     of the page about a study; (command, why) once nothing is missing, ``{study}`` its folder; the
-    format of export whose numbers open the page, empty where it has none to export; what is said
-    of a recording that nothing is wrong with;
+    same where a target is undecidable, empty where its values serve all the same; the format of
+    export whose numbers open the page, empty where it has none to export; what is said of a
+    recording that nothing is wrong with;
 
 and, since imports run one way, functions in the module of its name in the layers above it:
 

@@ -30,9 +30,11 @@ UNDISTURBED = ('Nothing stands out of its noise, such as a knock on several axes
                'fainter, or goes on for long, the diagnosis of each axis names.')
 NEXT = (('imu_noise export {study} --format kalibr -o imu.yaml',
          'writes the numbers for an estimator'),)
+DECIDES = ()
 
 __all__ = [
     'Coupling',
+    'DECIDES',
     'Defect',
     'Inputs',
     'Line',

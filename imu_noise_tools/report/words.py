@@ -443,4 +443,7 @@ def next_steps(study: Study, folder: str = 'DIR') -> list[tuple[str, str]]:
     if missing:
         what = ', '.join(f'{name} ({" ".join(some)})' for name, some in missing.items())
         return [(f'imu_noise add {where}', f'puts in {what} and fits again')]
-    return [(command.format(study=where), why) for command, why in package(study.domain).NEXT]
+    domain = package(study.domain)
+    undecided = any(d.verdict == 'undecidable' for d in study.diagnosis.values())
+    steps = undecided and domain.DECIDES or domain.NEXT
+    return [(command.format(study=where), why) for command, why in steps]
