@@ -209,6 +209,25 @@ def test_a_recording_is_analysed_first(tmp_path):
     assert again.folder == s.folder and again._bag is None
 
 
+def test_a_recording_is_read_in_the_units_that_are_told(tmp_path, capsys, monkeypatch):
+    """As by analyse, with the same options; what is none is refused before a page opens."""
+    gyro = np.random.default_rng(3).normal(0, 0.1, (7000, 3))
+    gyro[:, 1:] = 0.0                   # one axis at work, which takes a third of the time
+    np.savez(tmp_path / 'r.npz', gyro=gyro)
+    words = ['explore', str(tmp_path / 'r.npz'), '--no-browser', '--rate-hz', '100']
+
+    def serve(session, *_):
+        session.begin()
+        session.wait()
+        session.close()
+    monkeypatch.setattr('imu_noise_tools.explore.server.serve', serve)
+    assert main([*words, '--gyro-unit', 'deg/x']) == 2
+    assert 'deg/s' in capsys.readouterr().err and not (tmp_path / 'r.npz.study').exists()
+    assert main([*words, '--gyro-unit', 'deg/s']) == 0
+    white = store.read(tmp_path / 'r.npz.study')['targets']['gyro_x']['effects']['white']
+    assert white['N']['value'] == pytest.approx(np.radians(0.01), rel=0.1)
+
+
 def test_what_cannot_be_opened_is_one_line(tmp_path, capsys, folder):
     assert main(['explore', str(tmp_path / 'no.bag'), '--no-browser']) == 1
     assert capsys.readouterr().err.startswith('imu_noise: ')

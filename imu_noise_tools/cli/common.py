@@ -13,7 +13,7 @@ import sys
 from typing import Any
 
 from . import completion
-from ..core.units import A_COUNT, INPUT
+from ..core.units import A_COUNT, INPUT, to_si
 
 
 class Terminated(KeyboardInterrupt):
@@ -96,7 +96,15 @@ def _unit_option(command: argparse.ArgumentParser, sensor: str, said: str) -> No
 
 
 def units_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Return what :func:`unit_options` says, as the tasks take it: None where nothing is."""
+    """
+    Return what :func:`unit_options` says, as the tasks take it: None where nothing is.
+
+    A unit that is none is refused before anything is read.
+
+    """
+    for sensor in INPUT:
+        if (unit := getattr(args, f'{sensor}_unit')) is not None:
+            to_si(sensor, unit)
     return {name: getattr(args, name) for name in ('rate_hz', 'gyro_unit', 'accel_unit')}
 
 

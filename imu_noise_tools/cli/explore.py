@@ -25,6 +25,7 @@ def register(commands: Any) -> None:
                    help='of 127.0.0.1 (default: any that is free)')
     c.add_argument('--no-browser', action='store_true', help='print the address, open nothing')
     common.topic_options(c)
+    common.unit_options(c)
     c.add_argument('--effects-from', metavar='FILE', action='append', default=[],
                    help='a Python file that defines effects of your own')
     c.set_defaults(func=explore)
@@ -43,7 +44,7 @@ def explore(args: argparse.Namespace) -> int:
         live = _follower()(args.topic)
         serve(None, args.port, not args.no_browser, _said(f'following {live.name}'), live)
         return 0
-    options = {k: v for k, v in (('topic', args.topic), ('fields', args.fields)) if v}
+    options = {'topic': args.topic, 'fields': args.fields, **common.units_of(args)}
     session = Session(args.path, args.effects_from, options)
     serve(session, args.port, not args.no_browser, _said(session.folder))
     return 0
