@@ -150,6 +150,21 @@ def test_two_publishers_of_one_topic_are_said_once(ros):
     assert wait_for(lambda: f'2 publish on {topic}' in node.text), node.text
     time.sleep(2.5)
     assert node.text.count('come mixed') == 1
+
+    other = ros.start('analyser', space)
+    ros.ready(other)
+    assert wait_for(lambda: all(p.get_subscription_count() == 2 for p in both))
+    sent = Imu()
+    for k in range(400):
+        for publisher, late in zip(both, (0, 3_000_000)):
+            stamp = 10 ** 9 + k * 10_000_000 + late
+            sent.header.stamp.sec, sent.header.stamp.nanosec = divmod(stamp, 10 ** 9)
+            publisher.publish(sent)
+        time.sleep(0.003)
+    with ros.listening('/diagnostics', DiagnosticArray) as got:
+        assert wait_for(lambda: level(got, other, 'input') == messages.WARN
+                        and 'mixed' in of(got, other)['input'].message), got[-1:]
+    assert 'missing' not in other.text
     for publisher in both:
         ros.node.destroy_publisher(publisher)
 

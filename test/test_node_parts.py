@@ -118,6 +118,22 @@ def test_a_record_that_begins_again_replaces_what_was_there():
     assert (stream.received, stream.missed) == (20, 10)
 
 
+def test_of_a_stream_of_two_sources_nothing_is_missing():
+    """Gaps of 3 and 7 ms in turn are none of 10 ms; who publishes is asked where one shows."""
+    y, both = signal(400, 6), np.sort(np.concatenate(
+        [np.arange(200) * 10_000_000, np.arange(200) * 10_000_000 + 3_000_000]))
+    asked = []
+    for several, missed in ((False, 99), (True, 0)):
+        stream = Stream(hours=1.0)
+        for k in range(0, 400, 100):
+            said = stream.add(both[k:k + 100], y[k:k + 100, :3], y[k:k + 100, 3:],
+                              several=lambda: asked.append(1) or several)
+            assert bool(said) == (k > 0 and not several)
+        assert (stream.missed > missed / 2) == (missed > 0) and stream.mixed == several
+        assert not stream.complete
+    assert len(asked) == 3 + 1          # once it is known it is asked no more
+
+
 def test_sensors_with_topics_of_their_own_have_streams_of_their_own():
     streams = Streams(hours=1.0)
     y = signal(400, 6)

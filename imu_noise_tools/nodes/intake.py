@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import partial
 import threading
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -90,7 +91,8 @@ class Intake:
             for sensor in sorted(waiting, key=('', *SENSORS).index):
                 batch, arrivals = waiting[sensor]
                 samples = messages.samples(batch)
-                self._add(samples, sensor, arrivals=np.array(arrivals)[samples.readable])
+                self._add(samples, sensor, arrivals=np.array(arrivals)[samples.readable],
+                          several=self._several)
 
     def clear(self) -> None:
         """Forget what was received."""
@@ -117,12 +119,13 @@ class Intake:
         with self._lock:
             self._add(samples, sensor, first)
 
-    def _add(self, samples, sensor: str, first: int | None = None,
-             arrivals: np.ndarray | None = None) -> None:
+    def _several(self) -> bool:
+        return any(i.several for i in self._inputs)
+
+    def _add(self, samples, sensor: str, first: int | None = None, **more: Any) -> None:
         self._stream.refused += samples.refused
         self._stream.frame_id = samples.frame_id or self._stream.frame_id
-        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first, sensor,
-                                arrivals)
+        said = self._stream.add(samples.stamps, samples.gyro, samples.accel, first, sensor, **more)
         if said:
             self._say(f'{self.topic}: {said}')
 

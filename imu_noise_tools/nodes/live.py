@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 import threading
 from typing import TypeAlias
@@ -17,6 +18,7 @@ from ..core.allan import equivalent_freedom, interval
 from ..core.clock import regular_rate
 from ..core.errors import InputError
 from ..core.record import ImuRecord
+from ..core.units import times
 
 #: tau (k,) s; deviation, lower and upper limit (k, columns)
 Curve: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -116,7 +118,8 @@ class Stream:
 
     Safe to fill from one thread and to read from another. ``received`` counts what came,
     ``missed`` what did not (by the index of blocks, else by stamps), ``not_finite`` what came and
-    is no number, of a sensor that has given some: one that is not there gives none.
+    is no number, of a sensor that has given some: one that is not there gives none. ``mixed`` says
+    that the samples are of several sources, whose stamps tell of none what is missing.
 
     """
 
@@ -139,7 +142,7 @@ class Stream:
         self._limit: int | None = None
         self._curve = LiveCurve(6)
         self._first = self._last = self._same = 0
-        self._said = False
+        self._said = self.mixed = False
 
     @property
     def standing(self) -> str:
@@ -157,10 +160,11 @@ class Stream:
     @property
     def complete(self) -> bool:
         """Whether all that should have come has come, and is held; nothing is never complete."""
-        return bool(self.received) and not self.missed and self.whole
+        return bool(self.received) and not (self.missed or self.mixed) and self.whole
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
-            first: int | None = None, arrivals: np.ndarray | None = None) -> str:
+            first: int | None = None, arrivals: np.ndarray | None = None,
+            several: Callable[[], bool] = lambda: False) -> str:
         """
         Take samples in the order of their arrival; return what is worth saying about them.
 
@@ -176,6 +180,8 @@ class Stream:
             Index of the first sample in its record, where that is known.
         arrivals : ndarray (n,) or None
             When they came, ns of any clock: the times where all stamps are one.
+        several : callable
+            Tells whether they may be of several sources: asked where samples seem to be missing.
 
         """
         if not len(stamps):
@@ -190,9 +196,11 @@ class Stream:
                 arrivals = arrivals[again:]
                 said = 'the record begins again; what was gathered before is dropped'
             lost = self._lost(stamps, first)
-            if lost:
+            self.mixed = self.mixed or lost > 0 and several()
+            if lost and not self.mixed:
                 self.missed += lost
-                said = f'{lost} samples are missing before sample {self.received + self.missed}'
+                said = (f'{times(lost, "sample")} {"is" if lost == 1 else "are"} missing before '
+                        f'sample {self.received + self.missed}')
             self._append(stamps, np.column_stack([gyro, accel]), arrivals)
             if not self._said and self.standing:
                 self._said = True

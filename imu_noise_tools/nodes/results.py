@@ -52,6 +52,7 @@ class Results:
         flaws = ''.join(f', {n} {what}' for n, what in (
             (s.missed, 'missed'), (late, 'did not arrive'), (s.refused, 'could not be read'),
             (s.not_finite, 'not finite'), (s.received - s.held, 'no longer held')) if n > 0)
+        flaws += '; several publish, their samples come mixed' if s.mixed else ''
         return flaws + (f'; {s.standing}' if s.standing else '')
 
     def tell(self, state: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -45,12 +46,12 @@ class Streams:
         self._of = {'': Stream(self._hours)}
 
     def add(self, stamps: np.ndarray, gyro: np.ndarray, accel: np.ndarray,
-            first: int | None = None, sensor: str = '',
-            arrivals: np.ndarray | None = None) -> str:
+            first: int | None = None, sensor: str = '', **more: Any) -> str:
         """
         Take samples of both sensors or of the one that is named; return what is worth saying.
 
-        Shapes and units as those of :meth:`Stream.add`. ``first`` counts within the sensor.
+        Shapes, units and ``more`` as those of :meth:`Stream.add`; ``first`` counts within the
+        sensor.
 
         """
         if not len(stamps):
@@ -63,7 +64,7 @@ class Streams:
         if sensor:
             nothing = np.full((len(stamps), 3), np.nan)
             gyro, accel = (gyro, nothing) if sensor == 'gyro' else (nothing, accel)
-        return self._of[sensor].add(stamps, gyro, accel, first, arrivals) or said
+        return self._of[sensor].add(stamps, gyro, accel, first, **more) or said
 
     @property
     def _filled(self) -> list[Stream]:
@@ -80,6 +81,11 @@ class Streams:
     def missed(self) -> int:
         """How many did not."""
         return sum(s.missed for s in self._of.values())
+
+    @property
+    def mixed(self) -> bool:
+        """Whether samples of several sources came as those of one."""
+        return any(s.mixed for s in self._of.values())
 
     @property
     def not_finite(self) -> int:

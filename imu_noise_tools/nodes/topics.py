@@ -101,11 +101,19 @@ class ImuInput:
             self._told = why.message
             self._node.get_logger().warning(str(why))
 
+    def _sources(self) -> list[str]:
+        return [f'{p.node_namespace.rstrip("/")}/{p.node_name}'
+                for p in self._node.get_publishers_info_by_topic(self.topic)
+                if p.topic_type == _KIND]
+
+    @property
+    def several(self) -> bool:
+        """Whether more than one publishes, or did a moment ago."""
+        return len(self._sources()) > 1
+
     def _count(self) -> None:
         """Say once where several publish for some seconds: one that died stays known a while."""
-        sources = [f'{p.node_namespace.rstrip("/")}/{p.node_name}'
-                   for p in self._node.get_publishers_info_by_topic(self.topic)
-                   if p.topic_type == _KIND]
+        sources = self._sources()
         self._mixed = self._mixed + 1 if len(sources) > 1 else 0
         if self._mixed == _QUIET_S:
             self._node.get_logger().warning(
