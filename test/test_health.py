@@ -755,6 +755,21 @@ def test_stamps_far_from_the_receive_times_are_said(after, said):
     assert len(found) == bool(said) and all(f'stamps are {said}' in a for a in found)
 
 
+@pytest.mark.parametrize('backward, twice, said', [
+    (1, 0, '1 backward stamp:'), (0, 3, '3 duplicate stamps:'),
+    (2, 3, '3 duplicate and 2 backward stamps:')])
+def test_of_stamps_what_is_there_is_said(backward, twice, said):
+    r = bad_input.still(70)
+    order = np.arange(r.n)
+    for k in range(backward):
+        order[100 * k + 50:100 * k + 52] += [1, -1]
+    r.t[:] = r.t[order]
+    for k in range(twice):
+        r.t[100 * k + 31] = r.t[100 * k + 30]
+    (found,) = [a for a in examine(r).advice if 'check the driver and the clock' in a]
+    assert found.startswith(said)
+
+
 def test_a_record_that_is_too_short_to_tell_says_so():
     """At rest it is analysed, and warned of below a minute; a minute is enough."""
     for seconds, some in ((15, True), (59, True), (60, False), (90, False)):

@@ -297,10 +297,10 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             'topics, to a faster disk, or with a larger queue.'
         )
     if h.duplicates or h.backward:
-        say.append(
-            f'{h.duplicates} duplicate and {h.backward} backward stamps: check the driver and '
-            'the clock.'
-        )
+        found = ' and '.join(f'{n} {kind}' for n, kind in (
+            (h.duplicates, 'duplicate'), (h.backward, 'backward')) if n)
+        more = '' if h.duplicates + h.backward == 1 else 's'
+        say.append(f'{found} stamp{more}: check the driver and the clock.')
     if h.ahead:
         say.append(f'The clock of the stamps was set ahead {times(h.ahead)}, which the '
                    'receive times do not show: later samples follow on.')
