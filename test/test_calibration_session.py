@@ -107,6 +107,7 @@ def test_a_refusal_of_too_few_poses_says_which_rests_were_too_short():
     with pytest.raises(InputError, match='4 rests under 0.8 s are too short to count: ') as said:
         tasks.calibrate_records([whole])
     assert str(said.value).startswith('2 of 6 faces seen')
+    assert said.value.remedy.startswith('hold +y, -y, +z, -z up, still')
     value, = re.findall(r'--still (\d\.\d) takes them all', str(said.value))
     assert tasks.calibrate_records([whole], seconds=float(value)).calibration.poses.n == 6
     some = record(*six_faces(rng, device, hold_s=0.5))

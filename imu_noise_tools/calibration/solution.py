@@ -357,7 +357,7 @@ def _refuse_missing_faces(names, notes) -> None:
     if twice:
         said += f' (held {", ".join(twice)})'
     raise InputError(said + because(notes),
-                     f'hold {" and ".join(missing)} up, still, and record again (or '
+                     f'hold {", ".join(missing)} up, still, and record again (or '
                      f'{SPREAD_POSES} poses in all directions)')
 
 
