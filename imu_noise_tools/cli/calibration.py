@@ -102,7 +102,7 @@ def calibrate(args: argparse.Namespace) -> int:
     if 'time_offset' in data:
         print(_late(data['time_offset']))
     print(f'written to {done.folder}: calibration.yaml, calibration.png, report.html')
-    for command, why in next_steps(done.study, done.folder):
+    for command, why in next_steps(done.study, str(done.folder)):
         print(f'next: {command}    {why}')
     return 0
 
