@@ -238,14 +238,15 @@ class Search:
         Keep the surplus of the set reached, and of each set one candidate further on.
 
         But for those that do not heal what they claim there, or do not lower the error: what
-        predicts no better is no rival.
+        predicts no better is no rival. Nor is what has no name of what has one.
 
         """
         total = gained(members)
         here = frozenset(place.model.labels)
         self.scores[here] = max(total, self.scores.get(here, -np.inf))
         for f in place.candidates:
-            if f.against or label(place.model, f) in failed or self._fallen(place, f):
+            if f.against or label(place.model, f) in failed or self._fallen(place, f) \
+                    or nameless(f):
                 continue
             more = here | {label(place.model, f)}
             self.scores[more] = max(total + surplus(f), self.scores.get(more, -np.inf))
@@ -533,7 +534,7 @@ class Search:
         if place is None or after is None or not after.candidates:
             return []
         still = {f.name for f in self.able(after)} | {f.name for f in chain[i:]}
-        return [f for f in self.able(place) if f.name not in still]
+        return [f for f in self.able(place) if f.name not in still and not nameless(f)]
 
     # --- backward ---------------------------------------------------------------------------
 

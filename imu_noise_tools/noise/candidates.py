@@ -284,7 +284,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         float(partly if peak else whole) + bonus,
         added,
         more.estimates[label],
-        _penalty(effect) + _unlikely(more),
+        max(_penalty(effect), added.by_chance(evidence)) + _unlikely(more),
         _view_of(effect),
         where,
         against=bound or added.part_of(more.model)

@@ -134,6 +134,10 @@ class NoiseEffect(Effect):
         """Tell whether beside it nothing of how loud noise is in time is the noise's own doing."""
         return False
 
+    def by_chance(self, evidence: Evidence) -> float:
+        """Return what it gains once in a thousand by levels that it takes from the record, nats."""
+        return 0.0
+
     def muting(self) -> tuple[str, ...]:
         """Return the views that it mutes as it is, of those it may mute."""
         return self.mutes

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.fft import idct
 from scipy.ndimage import median_filter
+from scipy.special import chdtri
 
 from ..evidence import Evidence, Part
 from ..kinds import Inputs, Parameter, Spectrum
 from ...core.spectrum import Bins
 from ...core.statistics import in_a_row
-from ...loop.effect import Effect
+from ...loop.effect import Effect, Model
 
 STEP = 0.05     # of ln f: steps in which bands are looked for
 AROUND = 35     # such steps, over which the median is what is around a band
@@ -21,6 +22,7 @@ HIGH = 10.0     # times the power around it that a band has somewhere (a choice:
 OCTAVE = 2.0    # f/f: all but a little of its power is within one
 MOST = 0.05, 0.95   # of that power: between these
 CLEAR = 1.0     # standard errors above what is around it, to where it ends
+RARE = 1e-3     # in how many records of nothing it may gain as much
 MANY = 4        # that are looked for
 POINTS = 1024   # of the rule by which its Allan variance is integrated
 NOTHING = 1e-9  # of its level, outside of it
@@ -79,6 +81,18 @@ class Band(Spectrum):
         step = 2 * bins.n * bins.dt
         return lambda f: above[np.clip(bins.index(np.round(f * step)), 0, len(above) - 1)] / max(
             even, 1e-300)
+
+    def by_chance(self, evidence: Evidence) -> float:
+        """Return what a free level in each of its bins gains by chance: half of chi-squared."""
+        free = np.sum(self.heard_by_all(evidence.whole.bins.f))
+        return 0.5 * float(chdtri(max(free, 1), RARE))
+
+    def part_of(self, model: Model) -> str:
+        """Say that a peak of the model is in it: what has a form is told by that."""
+        for other in model.of(Spectrum):
+            if other.centre is not None and self.heard_by_all(np.array(other.centre)):
+                return f'{other.label} at {other.centre:.4g} Hz is in it'
+        return ''
 
     def heard_by_all(self, f: np.ndarray) -> np.ndarray:
         """Tell that within the band axes share what shakes them all."""
