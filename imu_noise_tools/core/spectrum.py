@@ -234,6 +234,27 @@ def leaked(v: np.ndarray, bins: Bins, along: np.ndarray | None = None) -> np.nda
     return np.where(more[:, :1] > 0, more[:, 1:], 0.0)
 
 
+def leaked_beside(v: np.ndarray, bins: Bins, inside: np.ndarray) -> np.ndarray:
+    """
+    Return what reaches the bins beside some from these through the record's ends, (b,).
+
+    Parameters
+    ----------
+    v : ndarray (b,)
+        The power of the bins.
+    bins : Bins
+        Of the record.
+    inside : ndarray (b,) of bool
+        Those that it leaks from; to them is nothing told.
+
+    """
+    out, theta = np.zeros(len(v)), 2 * np.pi * bins.f * bins.dt
+    wave = (np.sin(theta / 2) ** 2 * bins.count * v)[inside] / (2 * bins.n * bins.dt)
+    gap = np.cos(theta[~inside])[:, None] - np.cos(theta[inside])
+    out[~inside] = 8 * bins.dt / bins.n * np.cos(theta[~inside] / 2) ** 2 * (1 / gap**2 @ wave)
+    return out
+
+
 @lru_cache(maxsize=8)
 def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[list[np.ndarray], np.ndarray]:
     """

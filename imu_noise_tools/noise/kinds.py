@@ -494,6 +494,15 @@ class Line(NoiseEffect):
                                                 note='no line')
         return found
 
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that they are where a machine with more power stays for a while, or nothing."""
+        lines = self.lines()
+        for e in fit.model.of(Spectrum):
+            power = sum(e.values.get(k, 0.0) ** 2 for k in e.amplitudes)
+            if lines and all(e.heard_by_all(np.array(f)) and a * a / 2 < power for f, a in lines):
+                return f'{e.label}, in which it is, has more power and stays there for a while'
+        return ''
+
     def in_words(self, evidence: Evidence, rows: list[int]) -> str:
         """Say what these rows are evidence of: where a line is, and how far it stands out."""
         frequency, _, _, z, begin, end = evidence.line_table[rows[0]]

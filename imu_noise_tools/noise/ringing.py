@@ -47,6 +47,7 @@ HARDLY, ALIKE = 0.3, 3
 # a search that ends within 1 % of SWINGS has ended at it
 ENDS = 0.99
 HIGHEST = 0.45  # of the sample rate: above, hardly more than every second swing is seen
+HUMP = 3.0  # times the amplitude that an octave around has: something sounds there all along
 HOLLOW = 2.0  # times less amplitude than an octave around has: there a filter takes something out
 MEDIAN = 1 << 12  # moments at most, whose median tells what is usual in a stretch
 LOUDLY = 3.0  # standard deviations of that median: of more it is no white noise
@@ -150,7 +151,11 @@ def find_rings(y: np.ndarray, dt: float, least: float, joined: bool = False) -> 
         return NONE
     white = _White.of(y, found.out_of(y))
     found = _found(white, dt, least)
-    return found.of(~np.array([white.hollow(x) for x in found.omega], bool)) if joined else found
+    if joined:
+        found = found.of(~np.array([white.hollow(x) for x in found.omega], bool))
+    # mirrored at its ends, a wave that is there all along has a kink
+    ends = (found.begin < found.tau) | (found.begin > len(y) - FRAME * found.tau)
+    return found.of(~(ends & np.array([white.peak(x) for x in found.omega], bool)))
 
 
 class _White(NamedTuple):
@@ -208,6 +213,12 @@ class _White(NamedTuple):
         k = int(omega / np.pi * self.length)
         around = self.spectrum[k // 2:2 * k]
         return bool(np.median(around) > HOLLOW * self.spectrum[min(k, len(self.spectrum)) - 1])
+
+    def peak(self, omega: float) -> bool:
+        """Tell whether a frequency stands far above an octave around in all of the record."""
+        k = int(omega / np.pi * self.length)
+        around = self.spectrum[k // 2:2 * k]
+        return bool(HUMP * np.median(around) < self.spectrum[min(k, len(self.spectrum)) - 1])
 
     def steps(self, begin: int, tau: float) -> float:
         """

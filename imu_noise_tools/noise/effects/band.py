@@ -12,7 +12,7 @@ from scipy.special import chdtri
 
 from ..evidence import Evidence, Part
 from ..kinds import Inputs, Parameter, Spectrum
-from ...core.spectrum import Bins
+from ...core.spectrum import Bins, leaked_beside
 from ...core.statistics import in_a_row
 from ...loop.effect import Effect, Model
 
@@ -74,13 +74,14 @@ class Band(Spectrum):
     def colour(self, evidence: Evidence,
                part: str = 'whole') -> Callable[[np.ndarray], np.ndarray]:
         """Return the band as it is measured in a part over an even one, a function of Hz."""
-        bins, above = _above(evidence.part(part), self['low'], self['high'])
-        _, whole = _above(evidence.whole, self['low'], self['high'])
-        even = np.sum(whole * evidence.whole.bins.count) / (
-            2 * evidence.whole.bins.n * evidence.dt * (self['high'] - self['low']))
-        step = 2 * bins.n * bins.dt
-        return lambda f: above[np.clip(bins.index(np.round(f * step)), 0, len(above) - 1)] / max(
-            even, 1e-300)
+        here, whole = evidence.part(part), evidence.whole
+        power, total = (_seen(p, self['low'], self['high']) for p in (here, whole))
+        inside = self.heard_by_all(whole.bins.f)
+        rms2 = np.sum((total * whole.bins.count)[inside]) / (2 * whole.bins.n * whole.dt)
+        even = self.with_values(rms=np.sqrt(max(rms2, 1e-300)))
+        step = 2 * here.n * here.dt
+        return lambda f: power[np.clip(here.bins.index(np.round(f * step)), 0, len(power) - 1)] \
+            / even.psd(f, here.dt)
 
     def by_chance(self, evidence: Evidence) -> float:
         """Return what a free level in each of its bins gains by chance: half of chi-squared."""
@@ -139,42 +140,59 @@ class Band(Spectrum):
         return cls({'low': 4.0, 'high': 8.0, 'rms': 1e-3})
 
 
-def _above(part: Part, low: float, high: float) -> tuple[Bins, np.ndarray]:
-    """Return the bins of a part, and the power (b,) in a band beyond what is around it."""
+def _seen(part: Part, low: float, high: float) -> np.ndarray:
+    """Return the power (b,) of a band beyond what is around it, and what of it leaks beside it."""
     bins = part.bins
-    beside = np.log(_beside(part, low, high))
-    around = np.exp(np.interp(np.log(bins.f), np.log([low, high]), beside))
     inside = (bins.f >= low) & (bins.f < high)
-    return bins, np.where(inside, np.maximum(part.power - around, 0.0), 0.0)
+    left = part.power - leaked_beside(part.power, bins, inside)
+    beside = _beside(bins, left, low, high)
+    if _ends_there(bins, high):     # what is there may be the band itself
+        beside = np.minimum(beside, beside[0])
+    around = np.exp(np.interp(np.log(bins.f), np.log([low, high]), np.log(beside)))
+    own = np.where(inside, np.maximum(part.power - around, 0.0), 0.0)
+    return own + leaked_beside(own, bins, inside)
 
 
-def _beside(part: Part, low: float, high: float) -> np.ndarray:
+def _beside(bins: Bins, power: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the level (2,) below a band and above it, or at its end where the spectrum ends."""
-    top = 0.5 / part.dt
-    ends = high * (1 - LAST), high
-    if high < top * (1 - LAST):
-        ends = high, min(high * (1 + STEP), top)
-    return np.array([part.bins.between(part.power, np.array(some))[1][0]
+    ends = high, min(high * (1 + STEP), 0.5 / bins.dt)
+    if _ends_there(bins, high):
+        ends = high * (1 - LAST), high
+    return np.array([bins.between(power, np.array(some))[1][0]
                      for some in ((low * (1 - STEP), low), ends)])
+
+
+def _ends_there(bins: Bins, high: float) -> bool:
+    """Tell whether nothing of the spectrum is above a band."""
+    return high > (1 - LAST) * 0.5 / bins.dt
 
 
 def _bands(evidence: Evidence) -> list[tuple[float, float]]:
     """Return where (low, high), Hz, each of the bands is that stand out most, best first."""
-    whole, top = evidence.whole, 0.5 / evidence.dt
+    bins, power, top = evidence.whole.bins, evidence.whole.power, 0.5 / evidence.dt
     f = top * np.exp(-STEP * np.arange(np.log(top * evidence.duration / 8) / STEP)[::-1])
     if len(f) < AROUND:
         return []
-    count, mean = whole.bins.between(whole.power, f)
-    over = np.log(mean) - median_filter(np.log(mean), AROUND)
-    clear = over > CLEAR * np.sqrt(2 / count)
-    runs = [(a, b, float(np.max(over[a:b]))) for a, b in in_a_row(clear) if a > 0]
+    high = _over(bins, power, f) > np.log(HIGH)
+    at = np.searchsorted(f, bins.f, side='right') - 1
+    left = power - leaked_beside(power, bins, (at >= 0) & high[np.clip(at, 0, len(high) - 1)])
+    count, level = bins.between(left, f)
+    over = _over(bins, left, f)
     out = []
-    for a, b, high in sorted(runs, key=lambda z: -z[2]):
-        ends = float(f[a]), float(f[b])
-        if high < np.log(HIGH) or np.max(mean[a:b]) < HIGH * np.max(_beside(whole, *ends)):
+    for a, b in in_a_row(over > CLEAR * np.sqrt(2 / count)):
+        low, end = float(f[a]), float(f[b])
+        if a == 0 or np.max(over[a:b]) < np.log(HIGH) \
+                or np.max(level[a:b]) < HIGH * np.max(_beside(bins, left, low, end)):
             continue
-        total = np.cumsum(_above(whole, *ends)[1] * whole.bins.count)
-        first, last = whole.bins.f[np.searchsorted(total, np.array(MOST) * total[-1])]
+        inside = (bins.f >= low) & (bins.f < end)
+        total = np.cumsum((_seen(evidence.whole, low, end) * bins.count)[inside])
+        first, last = bins.f[inside][np.searchsorted(total, np.array(MOST) * total[-1])]
         if last <= OCTAVE * first:
-            out.append(ends)
-    return out[:MANY]
+            out.append((float(np.max(over[a:b])), low, end))
+    return [(low, end) for _, low, end in sorted(out, reverse=True)[:MANY]]
+
+
+def _over(bins: Bins, power: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Return by how much the power between frequencies (k,) is above that around it, (k - 1,)."""
+    level = np.log(bins.between(power, f)[1])
+    return level - median_filter(level, AROUND)

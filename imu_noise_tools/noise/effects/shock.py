@@ -140,6 +140,9 @@ class Shock(Defect):
         """Return what each stretch says of knocks that the model does not have."""
         kept = evidence.kept(cls.name)
         some = kept['worth'] > 0 if kept else np.zeros(0, bool)
+        ring = kept.get('ring', np.zeros(len(some)))
+        for e in fit.model.of(Spectrum):    # that comes and goes of itself
+            some = some & ~((ring > 0) & e.heard_by_all(ring))
         if not np.any(some):
             return None
         edges = np.linspace(0, evidence.n, 2 * STRETCHES + 1)
