@@ -309,6 +309,8 @@ def check(one, t, axes, axis, before=(), left_out=False):
         return line(y, dt, [k * v['frequency'] for k in orders])
     if name == 'narrowband':
         return band(y, dt, v['frequency'], v['width'])
+    if name == 'band':
+        return band(y, dt, 0.5 * (v['low'] + v['high']), v['high'] - v['low'])
     if name == 'low_pass':
         return low_pass(y, dt, v['cutoff'])
     if name == 'shared_noise':

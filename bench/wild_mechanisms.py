@@ -990,7 +990,7 @@ def out_fm_line(rng, bed):
     return _outside('fm line', 'mean', rng, {'frequency': f0, 'swing': swing, 'slow': slow},
                     mean=np.cos(2 * np.pi * f0 * bed.time + swing / slow * np.sin(
                         2 * np.pi * slow * bed.time + rng.uniform(0, 6))),
-                    kin={'narrowband', 'sinusoid'})
+                    kin={'narrowband', 'sinusoid', 'band'})
 
 
 MAKERS = {name[5:]: make for name, make in list(globals().items()) if name.startswith('make_')}

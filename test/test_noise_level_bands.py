@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import iirpeak, lfilter
+from scipy.signal import butter, iirpeak, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import model_of
@@ -33,3 +33,14 @@ def test_a_rumble_that_comes_and_goes_is_no_change_of_n(f, rumbles):
     note = with_level_notes(evidence, fit)['white']['N'].note
     assert (band is not None and band[0] > f) == rumbles
     assert ('is not heard from' in note) == rumbles != ('where it is quietest' in note)
+
+
+def test_a_level_far_above_the_rest_of_the_record_says_so():
+    """What sways, and hides the white level at the slow end, is no white noise."""
+    rng = np.random.default_rng(11)
+    sway = lfilter(*butter(4, 1.0, fs=1 / DT), rng.standard_normal((N, 3)), axis=0)
+    record = ImuRecord(1e-3 * rng.standard_normal((N, 3)) + 0.1 * sway, None, T, 1 / DT)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.fit(model_of('noise', ('white', 'flicker', 'random_walk')))
+    note = fit.estimates['white']['N'].note
+    assert 'times less power' in note and 'something moves' in note

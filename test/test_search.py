@@ -266,7 +266,8 @@ def test_a_chain_that_leaves_fewer_views_goes_before_more_surplus(search, less):
     held = [loud, found('rts', gain=25.0)]
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
-    search.places.at = lambda model: SimpleNamespace(fit=SimpleNamespace(supported=None))
+    search.places.at = lambda model: SimpleNamespace(
+        fit=SimpleNamespace(supported=None), candidates=())
 
     def tests(model):
         fails = {'coherence': 70.0}
@@ -653,6 +654,21 @@ def test_what_stands_out_most_is_asked_for_beside_another_before_less_is_taken(s
     assert [f.name for f in search.chain()] == ['low_pass', 'narrowband']
 
 
+@pytest.mark.parametrize(('left', 'first'), [(500.0, 'band'), (0.0, 'narrowband')])
+def test_what_has_no_name_begins_a_chain_where_a_name_leaves_something(search, left, first):
+    """Though a name explains more, and never as its rival."""
+    named, nameless = found('narrowband', gain=900.0), found('band', gain=200.0)
+    search.chain = lambda begin=(): [*begin] or [named]
+    _places(search, {'': [nameless, named]})
+    search.places.tests = leaves({'narrowband': left})
+    search._heals = search._lowers = lambda *_: True
+    assert [f.name for f in search.able(search.places.at(search.places.base))] == [
+        'narrowband', 'band']
+    assert [f.name for f in search.forward()] == [first]
+    if first == 'narrowband':
+        assert not any('band' in k for k in search.scores)
+
+
 def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     """Beside noise that has fallen a filter had gained little; without it, it gains the most."""
     main = [found('gauss_markov', gain=90.0), found('notch', gain=80.0)]
@@ -660,7 +676,7 @@ def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     supported = {'gauss_markov': 1000.0, 'low_pass': 1100.0}
     search.chain = lambda begin=(): [*begin] or main
     search._rivals = lambda *_: []
-    _places(search, {}, lambda model: supported.get(model.labels[-2], 0.0))
+    _places(search, {}, lambda model: supported.get(model.labels[-2:][0], 0.0))
     search.places.tests = leaves({'gauss_markov, notch': 5.0, 'low_pass, narrowband': 5.0})
     assert search.forward(held) == held
     worth = search.scores[search.places.set_of(held)]

@@ -279,7 +279,6 @@ class Search:
                 self.scores = known     # nor is what the chain lacked on its way there a rival
             else:
                 chains.append(other)
-        chains += self._without_a_name(chains)
         self.scores = {k: v for k, v in self.scores.items() if k == whole or not whole < k
                        or len(k) == len(whole) + 1}
         held = [f for f in held if f.effect is not None
@@ -292,6 +291,9 @@ class Search:
             here = self.places.set_of(chains[-1])
             total.setdefault(here, self._gained_anew(chains[-1], main))
             self.scores[here] = max(total[here], self.scores.get(here, -np.inf))
+        for chain in self._without_a_name(chains):
+            chains.append(chain)
+            total.setdefault(self.places.set_of(chain), gained(chain))
         best = max(chains, key=lambda c: total[self.places.set_of(c)])
         left = {self.places.set_of(c): self.places.left(c) for c in chains}
         fewer = [c for c in chains if left[self.places.set_of(c)] < left[self.places.set_of(best)]

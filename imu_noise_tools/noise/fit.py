@@ -284,7 +284,7 @@ def _in_words(details: Details, loud: np.ndarray) -> list[str]:
     rest = 'on the rest'
     if np.isfinite(details.hint.quiet):
         times = ', '.join(f'{a:.4g} to {b:.4g} s' for a, b in loud[:NAMED])
-        more = f' and {len(loud) - NAMED} stretches more' if len(loud) > NAMED else ''
+        more = f' and {len(loud) - NAMED} more' if len(loud) > NAMED else ''
         rest += f', from {details.hint.quiet:.3g} Hz on without {times}{more}, where it is louder'
     if details.hint.order.terms:
         rest += ', and on a response left open there, as of a filter'

@@ -18,7 +18,7 @@ import numpy as np
 from . import views
 from .curve import model_curve
 from .evidence import Evidence
-from .kinds import Modulation, Spectrum
+from .kinds import Modulation, Response, Spectrum
 from ..core import units
 from ..core.clipped import ends_in_words, narrowed
 from ..loop.effect import Estimate, Fit, Model
@@ -28,6 +28,8 @@ APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
 SHARE = 0.5  # of a band's power, that white noise has where the band tells of it
 SURE = 4.0  # standard deviations by which a band follows a change by less than half
+FAR_BELOW = 0.1  # of a level's power: where the record has less it is said
+ENDS = 0.3  # of the sample rate, to which it is so
 NEAR = 1.2  # s: an averaging time within this factor of 1 s stands for it
 
 
@@ -59,6 +61,7 @@ def _notes(evidence: Evidence, fit: Fit, changes: bool,
                    'of the record')
     elif len(evidence.loud):
         out.append('the mean over the whole record, parts of which are louder')
+    out += _far_below(evidence, fit)
     c = evidence.curve
     at, model = at_one_second(evidence, fit.model)
     if c.deviation in ('oadev', 'adev') and 1 / NEAR < c.tau[at] < NEAR:
@@ -70,6 +73,19 @@ def _notes(evidence: Evidence, fit: Fit, changes: bool,
             out.append(f'the model at 1 s is {1 / ratio:.2g} times the curve: what is not '
                        'explained bends it')
     return out
+
+
+def _far_below(evidence: Evidence, fit: Fit) -> list[str]:
+    """Say where the record is so far below a level that no white noise has it, unless filtered."""
+    f, power = evidence.whole.bins.f, fit.details.power
+    for s in fit.details.set_aside if not fit.model.of(Response) else ():
+        there = power[(f >= s.low) & (f < s.high)]
+        if s.ratio < FAR_BELOW and s.high > ENDS / evidence.dt and len(there):
+            level = units.shown(float(np.sqrt(np.median(there) / 2)), '{rate}/sqrt(Hz)', evidence.sensor)
+            return [f'from {s.low:.3g} Hz on the record has {1 / s.ratio:.2g} times less power '
+                    f'(its level there is {level}): below that something moves, or a filter '
+                    'begins there']
+    return []
 
 
 def clipped(evidence: Evidence) -> str:

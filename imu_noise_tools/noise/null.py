@@ -11,10 +11,11 @@ Written by bench/null.py. ``DRAWN`` is the hash of the code that it was drawn wi
 
 AXES = 1080
 DRAWN = 'f67b2baba8eafcea'
-SOURCES = '021b3c28b8ed438e'
+SOURCES = '813330da0a100ad1'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,
+    'band': 6.0,
     'digital_filter': 6.0,
     'drift': 8.57,
     'duplicates': 6.0,
