@@ -16,11 +16,11 @@ from scipy.fft import idct
 from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.noise.effects.shock import Shock
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.views import covariance_of_means
-from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.tasks.noise import analyse_record
 
 N_WHITE = 1e-4      # rad/s/sqrt(Hz)
@@ -76,6 +76,19 @@ def test_machines_side_by_side_are_a_band_and_nothing_is_missing(seed, rate, spe
     low, high = state.fit.estimates['white']['N'].ci95
     assert low < N_WHITE < high or state.fit.estimates['white']['N'].value == pytest.approx(
         N_WHITE, rel=0.01)
+
+
+@pytest.mark.thorough
+def test_what_an_accelerometer_hears_of_machines_as_well_is_no_coupling():
+    """Shares of its axes are other ones for each machine; the band leaves nothing to them."""
+    rng, rate = np.random.default_rng(10), 1000
+    heard = motors(rng, rate, 60, (187.0, 190.0, 193.7, 201.0), axes=6)
+    record = record_of(heard[:3], rng, rate)
+    noise = np.sqrt(rate) * rng.standard_normal((3, heard.shape[1]))
+    accel = [[0], [0], [9.81]] + 1e-3 * (noise + heard[3:] / N_WHITE)
+    state, said = told(ImuRecord(record.gyro, accel.T, record.t, rate))
+    assert said.verdict == 'complete' and 'band' in [e.name for e in state.model]
+    assert 'accel_coupling' not in [e.name for e in state.model]
 
 
 def coloured(rng, n, rate, psd):

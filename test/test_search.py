@@ -662,6 +662,7 @@ def test_what_has_no_name_begins_a_chain_where_a_name_leaves_something(search, l
     _places(search, {'': [nameless, named]})
     search.places.tests = leaves({'narrowband': left})
     search._heals = search._lowers = lambda *_: True
+    search.places.problem.point = lambda model: Fit(model_of('noise', ('white',)), {}, 0.0)
     assert [f.name for f in search.able(search.places.at(search.places.base))] == [
         'narrowband', 'band']
     assert [f.name for f in search.forward()] == [first]

@@ -294,6 +294,10 @@ class Effect:
         """Return the name of a parameter's choice."""
         return self.parameter(name).choices[int(self.values[name])]
 
+    def part_of(self, model: Model) -> str:
+        """Say that it is another one's shape in a model rather than one by itself, or nothing."""
+        return ''
+
     def written(self) -> dict[str, float | str]:
         """Return the values as people read them, choices by name."""
         return {k: self.parameter(k).written(v) for k, v in self.values.items()}

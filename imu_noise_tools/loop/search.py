@@ -501,7 +501,8 @@ class Search:
         """
         Return the chain that begins with what has no name, where each chain leaves something.
 
-        What has a name stands before it, and may leave what neither explains beside it.
+        What has a name stands before it, and may leave what neither explains beside it. Not where
+        one in the main chain has the place: its form is asked first.
 
         """
         if not all(map(self.places.left, chains)):
@@ -511,6 +512,10 @@ class Search:
         if not first or any(nameless(c[0]) for c in chains if c) or not (
                 self._heals([], first[0]) and self._lowers([], first[0])):
             return []
+        main = self.places.problem.point(self.places.model_of(chains[0]))
+        if first[0].effect is None or first[0].effect.part_of(main.model):
+            return []
+        self.places.look_further(rules.ANEW)    # behind it lies what no other chain has seen
         return [self.chain(first)]
 
     def _follow(self, best: Sequence[Finding], left: Mapping[frozenset[str], float]) -> None:

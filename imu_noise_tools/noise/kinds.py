@@ -121,10 +121,6 @@ class NoiseEffect(Effect):
         """Return what a part of a record may have of a peak that is now here, now there."""
         return []
 
-    def part_of(self, model: Model) -> str:
-        """Say that it is another one's shape in a model rather than one by itself, or nothing."""
-        return ''
-
     def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
         """Say that the samples are not such as it makes, or that others make what it claims."""
         return ''
@@ -142,7 +138,7 @@ class NoiseEffect(Effect):
         return False
 
     def by_chance(self, evidence: Evidence) -> float:
-        """Return what it gains once in a thousand by levels that it takes from the record, nats."""
+        """Return what levels that it takes from the record gain once in a thousand, nats."""
         return 0.0
 
     def muting(self) -> tuple[str, ...]:

@@ -81,7 +81,8 @@ def _far_below(evidence: Evidence, fit: Fit) -> list[str]:
     for s in fit.details.set_aside if not fit.model.of(Response) else ():
         there = power[(f >= s.low) & (f < s.high)]
         if s.ratio < FAR_BELOW and s.high > ENDS / evidence.dt and len(there):
-            level = units.shown(float(np.sqrt(np.median(there) / 2)), '{rate}/sqrt(Hz)', evidence.sensor)
+            level = units.shown(float(np.sqrt(np.median(there) / 2)), '{rate}/sqrt(Hz)',
+                                evidence.sensor)
             return [f'from {s.low:.3g} Hz on the record has {1 / s.ratio:.2g} times less power '
                     f'(its level there is {level}): below that something moves, or a filter '
                     'begins there']

@@ -37,7 +37,7 @@ from .kinds import (
 )
 from .likelihood import Likelihood
 from .lines import waves
-from ..core.spectrum import bins_of, expected
+from ..core.spectrum import Bins, bins_of, expected
 from ..core.statistics import gamma_excess, gamma_pull
 from ..loop.effect import Fit, Model, registry, View
 from ..loop.verdict import STRIKING, tail
@@ -51,6 +51,7 @@ LOUDER = np.append(0.0, np.geomspace(1e-3, 1e3, 121))
 # times the power beside it: of a peak that has less in one half the whole record tells the form
 UNFORESEEN = 10.0  # times what ln L as a parabola makes a draw cost: of usual noise up to 7
 FAINT = 0.1
+LEAKS = 0.01    # share of a bin's power, from which what axes share is what leaks from a band
 
 
 def _view(name, x, pull, excess, variance, unit, extra=0.0):
@@ -866,8 +867,8 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
         other = np.maximum(other - 2 * its * both + its**2 * own, 1e-300)
         both = both - its * own
     level = np.sqrt(_running(own) * _running(other))
-    for e in fit.model.of(Spectrum) if fit is not None else ():
-        w = np.where(e.heard_by_all(bins.f), 0.0, w)
+    if fit is not None:
+        w = np.where(_heard_by_all(fit, bins), 0.0, w)
 
     def total(v):
         v = np.add.reduceat(v, starts)
@@ -878,6 +879,17 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
         total(w * own / _running(own)) * total(w * other / _running(other))
     )
     return total(w * bins.f) / total(w), r, total(w)
+
+
+def _heard_by_all(fit: Fit, bins: Bins) -> np.ndarray:
+    """Tell in which bins (b,) other axes hear what the model has from outside, or its leakage."""
+    out = np.zeros(len(bins.f), bool)
+    for e in fit.model.of(Spectrum):
+        heard = e.heard_by_all(bins.f)
+        if np.any(heard) and fit.details is not None and len(fit.details.v) == len(bins.f):
+            heard = heard | (fit.details.each[e.label] > LEAKS * fit.details.v)
+        out |= heard
+    return out
 
 
 def _running(power):

@@ -105,7 +105,7 @@ class Band(Spectrum):
         return level * np.where(self.heard_by_all(np.asarray(f, float)), 1.0, NOTHING)
 
     def binned(self, bins: Bins) -> np.ndarray:
-        """Return its power in bins, of one at an end by how many of its coefficients are within."""
+        """Return its power in bins, in one at an end by how many coefficients are within."""
         ends = np.ceil(2 * bins.n * bins.dt * np.array([[self['low']], [self['high']]]))
         within = np.diff(np.clip(ends, bins.first, bins.last), axis=0)[0] / bins.count
         level = self['rms'] ** 2 / (self['high'] - self['low'])
@@ -121,7 +121,7 @@ class Band(Spectrum):
         low, high = self['low'], min(self['high'], 0.5 / dt)
         m = np.asarray(m, float)
         f = low + (high - low) * (np.arange(POINTS) + 0.5) / POINTS
-        own = np.mean(np.sin(np.pi * np.outer(m, f) * dt) ** 4 / np.sin(np.pi * f * dt) ** 2, axis=1)
+        own = np.mean(np.sin(np.pi * np.outer(m, f) * dt) ** 4 / np.sin(np.pi * f * dt) ** 2, 1)
         ends = 1 / np.tan(np.pi * np.array([low, high]) * dt)
         many = 0.375 * (ends[0] - ends[1]) / (np.pi * dt * (high - low))
         own = np.where(m * dt * (high - low) < POINTS / 16, own, many)
