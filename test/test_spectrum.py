@@ -276,3 +276,20 @@ def test_what_leaks_is_linear_and_the_same_in_blocks_as_in_one_matrix(n, monkeyp
                                    atol=1e-15)
     finally:
         spectrum._leakage.cache_clear()
+
+
+def test_what_a_wave_leaks_beside_itself_is_what_its_cosines_have_there():
+    """Of all phases at both ends: far from it, on either side, within 3 %."""
+    n, dt, phases = 8192, 0.01, np.pi * np.arange(8) / 4
+    moved = phases / (2 * np.pi * n * dt)
+    b, t = spectrum.bins_of(n, dt), np.arange(n) * dt
+    seen = np.mean([spectrum.power(spectrum.cosine_transform(
+        np.sin(2 * np.pi * (20.0 + f) * t + phase)), dt, b) for phase in phases for f in moved],
+        axis=0)
+    inside = np.abs(b.f - 20.0) < 1.0
+    told = spectrum.leaked_beside(seen, b, inside)
+    far = (np.abs(b.f - 20.0) > 3.0) & (b.f > 0.5)
+    assert np.all(told[inside] == 0)
+    ratio = np.array([np.sum(seen[i]) / np.sum(told[i]) for i in np.array_split(
+        np.flatnonzero(far), 12)])
+    assert ratio == pytest.approx(np.ones(12), abs=0.03)

@@ -238,6 +238,9 @@ def leaked_beside(v: np.ndarray, bins: Bins, inside: np.ndarray) -> np.ndarray:
     """
     Return what reaches the bins beside some from these through the record's ends, (b,).
 
+    From far below and from above, by the formula of :func:`leaked`, the middle of a bin for all of
+    it.
+
     Parameters
     ----------
     v : ndarray (b,)
