@@ -33,7 +33,6 @@ _SPANS = (0.45, 0.6, 0.75, 1.0)  # shares of the span of ln f, from the slow end
 _HOLES = ((0.3, 0.6), (0.45, 0.75), (0.6, 0.9), (0.45, 0.9), (0.6, 0.95),
           (0.7, 0.95))  # or all but these
 _OUT = 0.3  # of ln power by which a band stands out of those beside it
-_ROUGH = 1e-2  # nats that end a fit that chooses bands: the one that is kept goes on from there
 _ROUNDS = 12  # of choosing bands and fitting again
 # of the response that may be left open
 _ORDERS = tuple(Order(*order) for order in (
@@ -64,7 +63,7 @@ def resting_on_what_it_explains(search: Search, plain: Found, hint: Explained | 
     a model that was fitted as ``hint`` says.
 
     """
-    thorough, search = search, replace(search, cautious=False, enough=_ROUGH)
+    thorough, search = search, replace(search, cautious=False, enough=1e-3)
     bands = Bands.on(plain.likelihood.bins)
     now = _judged(bands, plain)
     if np.all(now.weight == 1) and not lacks(plain):
