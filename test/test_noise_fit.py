@@ -612,11 +612,7 @@ def test_what_is_no_part_of_a_form_is_not_searched_for():
 @pytest.mark.parametrize('names', (('white', 'flicker', 'random_walk', 'narrowband'),
                                    ('white', 'gauss_markov', 'narrowband')))
 def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names):
-    """
-    Noise in a band with steep edges: with the information alone it takes up to 65 steps.
-
-    Where one leads too far it is not tried again hardly shorter: two values a step, once.
-    """
+    """Noise in a band with steep edges: with the information alone it takes up to 65 steps."""
     rng, n, rate = np.random.default_rng(2), 20_000, 50.0
     x = 0.02 * rng.standard_normal((n, 3))
     for band, order, size in (((6, 14), 4, 1.0), ((0.01, 3), 3, 3.0)):
@@ -624,12 +620,11 @@ def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names)
         x[:, 0] += size * sosfilt(some, rng.standard_normal(n))
     evidence = gather(record_of(1e-3 * x[:, 0], dt=1 / rate), ['gyro_x'])['gyro_x']
     likelihood = Likelihood(evidence, 'whole', model_of('noise', names))
-    steps, values = [], []
+    steps = []
     for begun, start in starts(likelihood, None)[:3]:
         here = Likelihood(evidence, 'whole', begun)
         asked = []
         here.derivatives = lambda *a: asked.append(a) or Likelihood.derivatives(here, *a)
-        here._value = lambda a: values.append(a) or Likelihood._value(here, a)
         found, least = minimise(here, _carried(likelihood, start, here))
         steps.append(len(asked))
         _, linear, v, each = here.value(found)
@@ -639,7 +634,7 @@ def test_a_fit_of_what_no_model_explains_ends_at_its_minimum_in_few_steps(names)
         away = np.abs(gradient) / np.sqrt(np.maximum(np.diag(information), 1e-9))
         assert np.max(away[free]) < 0.05
     # of one start it goes with how numbers are rounded: 26 of one machine are 33 of another
-    assert np.mean(steps) < 28 and max(steps) < 48 and len(values) < 1.65 * sum(steps)
+    assert np.mean(steps) < 28 and max(steps) < 48
 
 
 @pytest.mark.parametrize('seed', daily(range(4), 0, 2))

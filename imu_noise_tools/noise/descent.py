@@ -17,7 +17,6 @@ REACH = 2.0  # by how much a step may change what is searched on a log scale
 NEAR = 1.0  # squared standard deviations away is a minimum that is met
 SAME = 0.3  # share of the way down to it by which the parabola may miss it
 HOPELESS = 0.05  # share of what is lacking, that one more step must promise
-SHORTER = 0.5  # of the square of a step that led too far, from where another one is tried
 PATIENCE = 6  # steps after which the curvature is learnt from the way, too
 
 
@@ -104,7 +103,7 @@ def minimise(likelihood: Likelihood, x0: np.ndarray, free: np.ndarray | None = N
             (x >= upper) & (here.gradient < 0))
         if not able.any() or known.hopeless(here, able, rest[0].form):
             break
-        for damping, moved in _moves(here, able, curvature.at(able), damping, reach, enough):
+        for damping, moved in _moves(x, able, here.gradient, curvature.at(able), damping, reach):
             trial = np.clip(moved, lower, upper)
             result = value(trial)
             if np.isfinite(result[0]) and result[0] <= best:
@@ -200,28 +199,18 @@ def _learnt(lacks: np.ndarray, moved: np.ndarray, turned: np.ndarray,
     return lacks + both + both.T - float(rest @ moved) / along**2 * np.outer(turned, turned)
 
 
-def _moves(here, able, information, damping, reach, enough):
+def _moves(x, able, gradient, information, damping, reach):
     """
     Yield (damping, x moved) by Levenberg's rule, shorter and shorter, where x may move.
 
-    By no more than ``reach`` (p,) at once. A step that is hardly shorter than one that led too far
-    leads there as well, and one that promises less than ``enough``, by a parabola that promised
-    too much, would be the last: neither is worth a value.
+    By no more than ``reach`` (p,) at once.
 
     """
-    g, f = here.gradient[able], information[np.ix_(able, able)]
-    scale, reach = np.maximum(np.diag(f), 1e-9), reach[able]
-    last = np.inf
+    g, f = gradient[able], information[np.ix_(able, able)]
+    scale = np.maximum(np.diag(f), 1e-9)
     while damping < 1e9:
-        whole = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
-        step = np.clip(whole, -reach, reach)
-        size = float(step @ (scale * step))
-        if size <= SHORTER * last:
-            if last < np.inf and np.array_equal(step, whole) and \
-                    -step @ (g + 0.5 * f @ step) < enough:
-                break
-            last = size
-            moved = here.x.copy()
-            moved[able] += step
-            yield damping, moved
+        step = -np.linalg.solve(f + damping * np.diag(scale) + 1e-12 * np.eye(len(g)), g)
+        moved = x.copy()
+        moved[able] += np.clip(step, -reach[able], reach[able])
+        yield damping, moved
         damping *= 10
