@@ -307,22 +307,20 @@ def _as_alike(problem: NoiseProblem, fit: Fit, effect: NoiseEffect) -> Fit | Non
     """
     Return a fit with an effect more where one of its spectrum was tried beside the same model.
 
-    There the minimum is, unless the samples tell of one of them: it is not looked for again. The
-    first of a kind is searched for, and so is what derives from that.
+    There the minimum is, unless the samples tell of one of them: it is not looked for again.
 
     """
     evidence: Evidence = problem.evidence
-    first = of_its_kind(effect)[0] if effect.alike_by else ''
-    known = problem.tried.get((*problem.spectral(fit.model), first), Tried(None)).fit
-    if known is None:
-        return None
-    other = cast(NoiseEffect, known.model.effects[-1])
-    if not other.alike_by or isinstance(effect, type(other)) or effect.told(evidence) \
-            or other.told(evidence):
-        return None
-    start = Model((*known.model.effects[:-1], effect.as_alike(other)))
-    return fit_part(evidence, Model((*unfitted(fit.model), effect)), intervals=False,
-                    start=start, basis=known.details.hint)
+    for name in of_its_kind(effect) if effect.alike_by else ():
+        known = problem.tried.get((*problem.spectral(fit.model), name), Tried(None)).fit
+        if known is None:
+            continue
+        other = cast(NoiseEffect, known.model.effects[-1])
+        if other.alike_by and not (effect.told(evidence) or other.told(evidence)):
+            start = Model((*known.model.effects[:-1], effect.as_alike(other)))
+            return fit_part(evidence, Model((*unfitted(fit.model), effect)), intervals=False,
+                            start=start, basis=known.details.hint)
+    return None
 
 
 def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:
