@@ -124,28 +124,6 @@ def test_a_weak_relaxation_is_not_called_popcorn_noise():
     assert abs(found['rts'].gain - found['gauss_markov'].gain) < 3
 
 
-def test_what_has_the_spectrum_of_another_is_fitted_where_that_was_found(monkeypatch):
-    """As it is by itself, but it is not looked for from all starts again."""
-    rng = np.random.default_rng(14)
-    x = lfilter([0.05 * SIZE], [1, -0.99], rng.standard_normal(N)) + SIZE * rng.standard_normal(N)
-    asked, value, found = [], Likelihood._value, {}
-    monkeypatch.setattr(Likelihood, '_value', lambda *a: asked.append(a) or value(*a))
-
-    def some(problem, fit, name):
-        asked.clear()
-        found[name], = problem.some_candidates(fit, lambda kind: kind.name == name)
-        return len(asked), found[name].gain - found[name].samples
-
-    problem, fit = alone(x, 'white')
-    whole, _ = some(problem, fit, 'gauss_markov')
-    few, gain = some(problem, fit, 'rts')
-    one, other = (found[k].effect.values for k in ('gauss_markov', 'rts'))
-    assert few < 0.3 * whole
-    assert other['step'] == pytest.approx(2 * one['sigma'], rel=0.01)
-    assert other['tau'] == pytest.approx(2 * one['tc'], rel=0.02)
-    assert gain == pytest.approx(some(*alone(x, 'white'), 'rts')[1], abs=0.05)
-
-
 @pytest.mark.thorough
 def test_what_a_fit_leaves_open_does_not_do_the_work_of_noise():
     """Angle quantization beside a relaxation: two zeros and a pole, free, do what they do."""

@@ -81,7 +81,7 @@ class Tried(NamedTuple):
 
     ``whole`` and ``partly`` are what it gains, nats, where it is fitted to the spectrum: of bands
     that it does not explain nothing, or what it explains of them. A ``peak`` is found by the
-    latter. ``fit`` is the model with it.
+    latter.
 
     """
 
@@ -89,7 +89,6 @@ class Tried(NamedTuple):
     whole: float = -np.inf
     partly: float = -np.inf
     peak: bool = False
-    fit: Fit | None = None
 
 
 def candidates(problem: NoiseProblem, fit: Fit,
@@ -263,8 +262,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         return Tried(_measured(evidence, fit, effect))
     if not evidence.starts(effect):
         return Tried(None)
-    more = _as_alike(problem, fit, effect) or _within_bounds(
-        evidence, fit, _refitted(evidence, fit, effect))
+    more = _within_bounds(evidence, fit, _refitted(evidence, fit, effect))
     more = _by_its_middle(evidence, fit, more)
     problem.begin_from(more)
     label = more.model.labels[-1]
@@ -300,27 +298,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         samples=bonus,
         bounded=bool(bound),
     )
-    return Tried(finding, whole, partly, peak, more)
-
-
-def _as_alike(problem: NoiseProblem, fit: Fit, effect: NoiseEffect) -> Fit | None:
-    """
-    Return a fit with an effect more where one of its spectrum was tried beside the same model.
-
-    There the minimum is, unless the samples tell of one of them: it is not looked for again.
-
-    """
-    evidence: Evidence = problem.evidence
-    for name in of_its_kind(effect) if effect.alike_by else ():
-        known = problem.tried.get((*problem.spectral(fit.model), name), Tried(None)).fit
-        if known is None:
-            continue
-        other = cast(NoiseEffect, known.model.effects[-1])
-        if other.alike_by and not (effect.told(evidence) or other.told(evidence)):
-            start = Model((*known.model.effects[:-1], effect.as_alike(other)))
-            return fit_part(evidence, Model((*unfitted(fit.model), effect)), intervals=False,
-                            start=start, basis=known.details.hint)
-    return None
+    return Tried(finding, whole, partly, peak)
 
 
 def _of_levels(evidence: Evidence, model: Model, effect: NoiseEffect) -> str:

@@ -105,17 +105,10 @@ class NoiseEffect(Effect):
     broad: ClassVar[bool] = False
     #: the same word for all with the same spectrum, which only the samples tell apart
     alike: ClassVar[str] = ''
-    #: by what its parameters, in their order, are taken to those that are the same for all alike
-    alike_by: ClassVar[tuple[float, ...]] = ()
     #: what a record must hold for it to apply
     needs: ClassVar[str] = 'leave it out'
     #: what to record to tell it from its rivals
     decide: ClassVar[str] = ''
-
-    def as_alike(self, other: NoiseEffect) -> NoiseEffect:
-        """Return it with the spectrum of another one that is alike."""
-        return self.with_values(**{p.name: other[q.name] * b / a for p, q, a, b in zip(
-            self.parameters, other.parameters, self.alike_by, other.alike_by)})
 
     def elsewhere(self) -> list[Effect]:
         """Return what a part of a record may have of a peak that is now here, now there."""

@@ -35,7 +35,6 @@ class GaussMarkov(Spectrum):
     broad = True
     decide = 'record ten times longer than its correlation time takes to show, on another supply'
     alike = 'relaxation'
-    alike_by = 1.0, 1.0
     parameters = (
         Parameter('sigma', '{rate}', 1e-12, 1e3, amplitude=True, title='standard deviation'),
         Parameter('tc', 's', 1e-4, 1e6, title='correlation time'),

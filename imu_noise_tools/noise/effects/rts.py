@@ -62,7 +62,6 @@ class Rts(Spectrum):
     broad = True
     turn = 2    # bursts are short stays at another level as well
     alike = 'relaxation'
-    alike_by = 0.5, 0.5   # sigma and Tc
     decide = 'record longer, so that dozens of switches are in it'
     parameters = (
         Parameter('step', '{rate}', 1e-12, 1e3, amplitude=True, title='distance of the levels'),
