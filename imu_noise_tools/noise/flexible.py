@@ -523,7 +523,8 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     low, high = sorted((sweep.first, sweep.last))
     if isinstance(effect, Coupling):
         part, sure = max((sweep.end - sweep.begin) / evidence.duration, SHORTEST_SHARE), DIRECTED
-    elif not isinstance(effect, (Spectrum, Response, Modulation)) or effect.certain:
+    elif not isinstance(effect, (Spectrum, Response, Modulation)) \
+            or effect.certain and not effect.nameless:
         return ''
     elif isinstance(effect, Spectrum) and effect.centre is not None:
         width = effect.values.get('width', 0.0)

@@ -11,10 +11,11 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
 from ..evidence import Evidence, Part
+from ..flexible import swept
 from ..kinds import Inputs, Parameter, Spectrum
 from ...core.spectrum import Bins, leaked_beside
 from ...core.statistics import in_a_row
-from ...loop.effect import Effect, Model
+from ...loop.effect import Effect, Fit, Model
 
 STEP = 0.05     # of ln f: steps in which bands are looked for
 AROUND = 35     # such steps, over which the median is what is around a band
@@ -87,6 +88,10 @@ class Band(Spectrum):
         """Return what a free level in each of its bins gains by chance: half of chi-squared."""
         free = np.sum(self.heard_by_all(evidence.whole.bins.f))
         return 0.5 * float(chdtri(max(free, 1), RARE))
+
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that it is where a line passes that sweeps."""
+        return swept(evidence, self, claim, fit)
 
     def part_of(self, model: Model) -> str:
         """Say that a peak of the model is in it: what has a form is told by that."""
