@@ -30,7 +30,7 @@ from .report import terminal, words
 from .report.markup import cell, escape, table
 from .simulate import simulate as simulated
 from .tasks import calibration as calibrating, compare as comparing, filter as filtering
-from .tasks import loop as tasks, noise, sheet as sheets
+from .tasks import loop as tasks, noise, sheet as sheets, side_by_side
 from .tasks.simulate import simulate as simulate_bag
 
 __all__ = [
@@ -339,20 +339,21 @@ class Study:
                      for t, e in self.study.compare().items())
 
     def diagnose(self, targets: str | Iterable[str] | None = None, *,
-                 until_complete: bool = False, progress: Progress | None = None) -> Table:
+                 until_complete: bool = False, processes: int = 1,
+                 progress: Progress | None = None) -> Table:
         """
         Say which effect is missing from each target's model, with the evidence.
 
-        ``until_complete`` adds the best and looks again until nothing is missing.
+        ``until_complete`` adds the best and looks again until nothing is missing. With more
+        ``processes`` as many targets are looked at side by side; they import the script that
+        runs, which has to call this under ``if __name__ == '__main__':``.
         ``study[target].diagnosis`` holds all that was found. Raise UsageError for another
         target.
 
         """
         names = self.study.chosen(_several(targets))
-        if until_complete:
-            self.study.complete(names, progress=progress)
-        else:
-            self.study.diagnose(names, progress=progress)
+        side_by_side.diagnose(self.study, names, until_complete=until_complete,
+                              processes=processes, progress=progress)
         found = {t: self.study.diagnosis[t] for t in names}
         return Table({'target': t, 'verdict': d.verdict,
                       'found': ' + '.join(f.name for f in d.found),

@@ -45,7 +45,7 @@ def explore(args: argparse.Namespace) -> int:
         serve(None, args.port, not args.no_browser, _said(f'following {live.name}'), live)
         return 0
     options = {'topic': args.topic, 'fields': args.fields, **common.units_of(args)}
-    session = Session(args.path, args.effects_from, options)
+    session = Session(args.path, options)
     serve(session, args.port, not args.no_browser, _said(session.folder))
     return 0
 

@@ -44,6 +44,9 @@ def register(commands: Any) -> None:
         help='add the best and diagnose again until nothing is missing; what is done is kept: '
         'once stopped, the same command goes on from there',
     )
+    c.add_argument('--jobs', type=int, metavar='N',
+                   help='how many axes at once, each in a process of its own (default: one a '
+                        'processor)')
     common.si_option(c)
     common.output_options(c, 'the diagnosis')
     c.set_defaults(func=diagnose)
@@ -190,9 +193,12 @@ def _against(study, args) -> int:
 def diagnose(args: argparse.Namespace) -> int:
     """Run ``diagnose``."""
     from .. import store
+    from ..core.errors import UsageError
     from ..report import terminal
-    from ..tasks import loop as tasks, noise
+    from ..tasks import loop as tasks, noise, side_by_side
 
+    if args.jobs is not None and args.jobs < 1:
+        raise UsageError(f'invalid --jobs {args.jobs}', 'it must be one or more')
     common.load_own_effects(args)
     with common.progress_line(args) as progress:
 
@@ -206,17 +212,18 @@ def diagnose(args: argparse.Namespace) -> int:
                 common.say_at_once(said, progress)
 
             tell = None if args.json else told
-            if not args.until_complete:
-                return study.diagnose(progress=progress, told=tell)
             # with effects or evidence that are new, what was settled may be no longer
-            settled = [] if args.bag or args.effects_from else study.settled
+            settled = study.settled if args.until_complete and not (
+                args.bag or args.effects_from) else []
             if settled and tell:
                 common.say_at_once(f'kept from before: {", ".join(settled)} (diagnose without '
                                    '--until-complete looks at them anew)', progress)
                 for target in settled:
                     tell(target)
-            return study.complete([t for t in study.targets if t not in settled],
-                                  progress=progress, told=tell, keep=keep)
+            return side_by_side.diagnose(
+                study, [t for t in study.targets if t not in settled],
+                until_complete=args.until_complete, processes=args.jobs,
+                progress=progress, told=tell, keep=keep)
 
         study, _ = tasks.change_by_steps(args.dir, work)
     if args.json:
@@ -261,7 +268,7 @@ def add(args: argparse.Namespace) -> int:
     """Run ``add``."""
     from ..loop.effect import find_effect
     from .. import store
-    from ..tasks import loop as tasks
+    from ..tasks import loop as tasks, side_by_side
 
     common.load_own_effects(args)
     for name in args.effects:
@@ -269,7 +276,7 @@ def add(args: argparse.Namespace) -> int:
 
     def work(study):
         steps = study.add(args.effects or None, args.axis, everything=args.all)
-        study.diagnose(list(dict.fromkeys(s.target for s in steps)))
+        side_by_side.diagnose(study, dict.fromkeys(s.target for s in steps))
         return steps
 
     study, steps = tasks.change(args.dir, work)

@@ -15,10 +15,8 @@ the others. It mounts below a path, so the token of the address guards all of it
 
 ``session``
     the study, what is under way, who changed it: no browser is needed to test it
-``worker``
-    a process that computes, so that the page goes on answering
 ``jobs``
-    what it computes
+    what a process computes, so that the page goes on answering
 ``panels``
     what can be looked at, as numbers; one module for each domain beside it
 ``figure``, ``page``, ``server``

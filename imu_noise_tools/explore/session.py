@@ -20,7 +20,6 @@ from typing import Any
 
 from . import jobs
 from .jobs import Answer
-from .worker import StoppedError, Worker
 from .. import export, store
 from ..core.errors import ImuNoiseError, InputError
 from ..loop.domains import package
@@ -29,6 +28,7 @@ from ..loop.study import Study
 from ..plots.panel import Stretch
 from ..tasks import loop as tasks
 from ..tasks.noise import default_folder
+from ..tasks.worker import StoppedError, Worker
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,6 @@ class Session:
     path : str or Path
         A study's folder, or a recording; that is analysed first, into ``<path>.study``, unless
         that is there already.
-    effects_from : sequence of str
-        Files of a user's own effects.
     options : dict
         Of the analysis, where there is one: those of :func:`imu_noise_tools.tasks.noise.analyse`.
 
@@ -68,8 +66,7 @@ class Session:
 
     """
 
-    def __init__(self, path: str | Path, effects_from: Sequence[str] = (),
-                 options: dict[str, Any] | None = None) -> None:
+    def __init__(self, path: str | Path, options: dict[str, Any] | None = None) -> None:
         given = Path(path)
         is_study = (given / 'study.yaml').is_file()
         self.folder = given if is_study else default_folder(given)
@@ -80,7 +77,7 @@ class Session:
         if self._bag is None:
             self._check(self.folder)
         self._options = dict(options or {})
-        self._worker = Worker(effects_from)
+        self._worker = Worker()
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._dropped = False
@@ -150,7 +147,7 @@ class Session:
     def _run(self, function: Callable[..., Any], *args: Any) -> Any:
         if self._dropped:
             raise StoppedError('stopped', 'nothing was changed')
-        return self._worker.run(function, *args, progress=self._progress)
+        return self._worker.run(function, *args, tell=self._progress)
 
     def _progress(self, share: float | None, what: str = '') -> None:
         self.busy = (share, what)

@@ -187,6 +187,9 @@ class Effect:
     # parameters that do nothing unless the record asks for them: priced only where they are used
     optional: ClassVar[tuple[str, ...]] = ()
 
+    # the file of a user's own that it is from
+    loaded_from: ClassVar[str] = ''
+
     _named: ClassVar[dict[str, Parameter]]
 
     values: Mapping[str, Any] = field(default_factory=dict)     # a choice by name or index
@@ -245,8 +248,11 @@ class Effect:
         return given
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by values (a mapping proxy cannot be pickled)."""
-        return type(self), (dict(self.values), self.label)
+        """Pickle by name and values: where a user's own was loaded from is no module."""
+        given = dict(self.values), self.label
+        known = _REGISTRY.get(self.domain, {}).get(self.name)
+        return (_named, (self.domain, self.name, *given)) if known is type(self) \
+            else (type(self), given)
 
     def __hash__(self) -> int:
         """Hash by label and values."""
@@ -464,6 +470,11 @@ def find_effect(domain: str, name: str) -> type[Effect]:
     return known[plain]
 
 
+def _named(domain: str, name: str, values: Mapping[str, float], label: str) -> Effect:
+    """Return an effect that came from another process."""
+    return find_effect(domain, name)(values, label)
+
+
 def model_of(domain: str, names: Iterable[str]) -> Model:
     """
     Return the model, not yet fitted, of these names.
@@ -500,14 +511,22 @@ def load_effects(path: str | Path) -> list[str]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'fix the file') from error
-    found = [
-        n for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
-    ]
+    found = {
+        n: c for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
+    }
+    for own in found.values():
+        own.loaded_from = str(path.resolve())
     if not found:
         raise InputError(
             f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
         )
-    return found
+    return list(found)
+
+
+def loaded_effects() -> list[str]:
+    """Return the files of a user's own effects, which another process has to load as well."""
+    every = (c.loaded_from for known in _REGISTRY.values() for c in known.values())
+    return list(dict.fromkeys(filter(None, every)))
 
 
 @dataclass(frozen=True)

@@ -96,11 +96,11 @@ class Part:
         return self.n * self.dt
 
 
-class Anew(dict[tuple, np.ndarray]):
-    """Arrays by what they were made for, that go to another process as none."""
+class Anew(dict[tuple, Any]):
+    """What was made, by what it was made for; it goes to another process as nothing."""
 
     def __reduce__(self) -> tuple:
-        """They are made anew there, and what they were made for may not be named there."""
+        """It is made anew there, and what it was made for may not be named there."""
         return Anew, ()
 
 
@@ -226,7 +226,7 @@ class Evidence:
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _self: object = field(default_factory=object, init=False, repr=False, compare=False)
     #: what was worked out of it, by what was asked for
-    _made: dict[tuple, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _made: Anew = field(default_factory=Anew, init=False, repr=False, compare=False)
     #: what effects put into the bins of a part, for the likelihoods of all models
     units: Mapping[str, Anew] = field(
         default_factory=lambda: {part: Anew() for part in PART_NAMES}, init=False, repr=False,

@@ -21,7 +21,7 @@ import sys
 import time
 from typing import Any
 
-from . import noise
+from . import noise, side_by_side
 from .simulate import simulate
 from .. import store
 from ..core import files
@@ -73,7 +73,9 @@ def demo(out: str | Path, progress: Any = None, say: Callable[[str], None] = pri
             say(f'   {t}: {words.ERROR} {words.error_in_words(s)}'
                 + (f'; fails in {bad}' if bad else ''))
         say('5. Diagnose, add what is missing, and look again, until nothing is missing')
-        steps = study.complete(progress=progress)
+        known = len(study.history)
+        side_by_side.diagnose(study, until_complete=True, progress=progress)
+        steps = study.history[known:]
         for s in steps:
             before = next(r for r in study.history if r.target == s.target)
             say(

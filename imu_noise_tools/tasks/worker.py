@@ -2,27 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A process that computes one thing after another, and says how far it is.
+A process that computes one thing after another, and tells how far it is.
 
-Beside a thread that fits models the threads of a page would wait for their turn: two threads of
-Python take turns, two processes do not.
+Beside a thread that fits models others would wait for their turn: two threads of Python take
+turns, two processes do not.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 import os
 import signal
 import sys
+import threading
 from typing import Any
 
 from ..core.errors import ImuNoiseError, InputError
-from ..loop.effect import load_effects
-
-Progress = Callable[[float | None, str], None]
+from ..loop.effect import load_effects, loaded_effects
 
 
 class StoppedError(InputError):
@@ -30,18 +29,9 @@ class StoppedError(InputError):
 
 
 class Worker:
-    """
-    Computes in a process that is kept for the next time.
+    """Computes in a process that is kept for the next time, and knows a user's own effects."""
 
-    Parameters
-    ----------
-    effects_from : sequence of str
-        Files of a user's own effects, which the process has to know as well.
-
-    """
-
-    def __init__(self, effects_from: Sequence[str] = ()) -> None:
-        self._effects = tuple(effects_from)
+    def __init__(self) -> None:
         self._process: Any = None
         self._pipe: Any = None
 
@@ -51,14 +41,14 @@ class Worker:
             context = get_context('spawn')
             self._pipe, other = context.Pipe()
             self._process = context.Process(
-                target=_work, args=(other, self._effects), daemon=True)
+                target=_work, args=(other, loaded_effects()), daemon=True)
             self._process.start()
             other.close()
 
     def run(self, function: Callable[..., Any], *args: Any,
-            progress: Progress | None = None) -> Any:
+            tell: Callable[..., None] | None = None) -> Any:
         """
-        Return ``function(*args, progress)``, computed there.
+        Return ``function(*args, tell)``, computed there: what it tells there is told here.
 
         Raises
         ------
@@ -73,8 +63,8 @@ class Worker:
             self._pipe.send((function, args))
             while True:
                 kind, *said = self._pipe.recv()
-                if kind == 'progress' and progress:
-                    progress(*said)
+                if kind == 'told' and tell:
+                    tell(*said)
                 elif kind == 'done':
                     return said[0]
                 elif kind == 'failed':
@@ -93,16 +83,25 @@ class Worker:
                 process.join()
 
 
-def _work(pipe: Connection, effects_from: Sequence[str]) -> None:
+def _end_with_parent() -> None:
+    """Ask this process to end once the one that began it is gone, however that ended."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _work(pipe: Connection, own: Sequence[str]) -> None:
     """Serve until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     os.nice(5)
-    for path in effects_from:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    for path in own:
         load_effects(path)
 
-    def progress(share: float | None, what: str = '') -> None:
-        pipe.send(('progress', share, what))
+    def tell(*said: Any) -> None:
+        pipe.send(('told', *said))
 
     while True:
         try:
@@ -110,7 +109,7 @@ def _work(pipe: Connection, effects_from: Sequence[str]) -> None:
         except EOFError:
             return
         try:
-            pipe.send(('done', function(*args, progress)))
+            pipe.send(('done', function(*args, tell)))
         except ImuNoiseError as error:
             pipe.send(('failed', error))
         except Exception as error:          # a defect must not take the page along
