@@ -75,8 +75,9 @@ def looked(processes, until_complete):
 def test_side_by_side_is_as_one_by_one(until_complete):
     """Whatever of it ends first: the verdicts, the ladder, and the order in which it is told."""
     one, said, kept = looked(1, until_complete)
+    assert list(one['diagnosis']) == AXES
     some, told, kept_beside = looked(2, until_complete)
-    assert some == one
+    assert some == one and list(some['diagnosis']) == AXES
     assert told == said
     assert [t for t, step in told if step is None] == AXES
     assert len(kept_beside) == len(kept)

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 import os
 from queue import SimpleQueue
+import sys
 import threading
 from typing import Any
 
@@ -71,7 +72,7 @@ def diagnose(
 
 def processors() -> int:
     """Return how many processors this process may use."""
-    if hasattr(os, 'sched_getaffinity'):
+    if sys.platform == 'linux':
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
@@ -170,15 +171,15 @@ class _SideBySide:
                 self.progress(None if self.until_complete else share, what)
 
     def _take(self, target: str, part: _Part) -> None:
-        """Put what there is of a target into the study; rungs in the order of the targets."""
+        """Put what there is of a target into the study; all in the order of the targets."""
         study = self.study
         study.states[target] = State(study.states[target].problem, part.fit, part.error,
                                      part.summary)
         self.new[target] = part.new
         study.history[:] = [*self.before, *(s for t in self.names for s in self.new[t])]
-        study.diagnosis.pop(target, None)
-        if part.diagnosis is not None:
-            study.diagnosis[target] = part.diagnosis
+        known = {**study.diagnosis, target: part.diagnosis}
+        study.diagnosis.clear()
+        study.diagnosis.update((t, d) for t in study.targets if (d := known.get(t)))
 
     def _say(self, target: str, step: Step | None) -> None:
         """Tell of a rung, or of the last word, once all of the targets before have theirs."""
