@@ -49,7 +49,7 @@ def diagnose(
         Add what is found, and look again.
     processes : int, optional
         How many at once, by default one for each processor that this process may use. No more
-        than there are targets that fail: of others the verdict takes less than a process.
+        than there are targets beyond chance: others take less than a process does.
     progress, told, keep : callable, optional
         As of the methods above.
 
@@ -60,7 +60,7 @@ def diagnose(
 
     """
     names = study.chosen(targets)
-    fail = sum(bool(study.states[t].error.failing) for t in names)
+    fail = sum(not study.states[t].error.within_chance for t in names)
     count = min(processes or processors(), fail)
     if count > 1:
         _SideBySide(study, names, until_complete, progress, told, keep).run(count)
