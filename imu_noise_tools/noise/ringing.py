@@ -48,7 +48,7 @@ HARDLY, ALIKE = 0.3, 3
 ENDS = 0.99
 HIGHEST = 0.45  # of the sample rate: above, hardly more than every second swing is seen
 HUMP = 3.0  # times the amplitude that an octave around has: something sounds there all along
-HOLLOW = 2.0  # times less amplitude than an octave around has: there a filter takes something out
+HOLLOW = 0.5  # times the amplitude that an octave around has: there a filter takes something out
 MEDIAN = 1 << 12  # moments at most, whose median tells what is usual in a stretch
 LOUDLY = 3.0  # standard deviations of that median: of more it is no white noise
 LOUDER = 1.25  # times as loud as usual: a stretch that is less so counts as usual
@@ -151,11 +151,10 @@ def find_rings(y: np.ndarray, dt: float, least: float, joined: bool = False) -> 
         return NONE
     white = _White.of(y, found.out_of(y))
     found = _found(white, dt, least)
-    if joined:
-        found = found.of(~np.array([white.hollow(x) for x in found.omega], bool))
+    amplitude = np.array([white.beside(x) for x in found.omega])
     # mirrored at its ends, a wave that is there all along has a kink
     ends = (found.begin < found.tau) | (found.begin > len(y) - FRAME * found.tau)
-    return found.of(~(ends & np.array([white.peak(x) for x in found.omega], bool)))
+    return found.of(~(joined & (amplitude < HOLLOW) | ends & (amplitude > HUMP)))
 
 
 class _White(NamedTuple):
@@ -208,17 +207,11 @@ class _White(NamedTuple):
         k = min(int(omega / np.pi * self.length), len(self.spectrum)) - 1
         return float(self.spectrum[k] * self.loud[i * STRETCHES // len(self.w)])
 
-    def hollow(self, omega: float) -> bool:
-        """Tell whether a filter takes a frequency out: mirrored at its ends, a record has it."""
+    def beside(self, omega: float) -> float:
+        """Return the amplitude at a frequency in all of the record, over an octave's around."""
         k = int(omega / np.pi * self.length)
-        around = self.spectrum[k // 2:2 * k]
-        return bool(np.median(around) > HOLLOW * self.spectrum[min(k, len(self.spectrum)) - 1])
-
-    def peak(self, omega: float) -> bool:
-        """Tell whether a frequency stands far above an octave around in all of the record."""
-        k = int(omega / np.pi * self.length)
-        around = self.spectrum[k // 2:2 * k]
-        return bool(HUMP * np.median(around) < self.spectrum[min(k, len(self.spectrum)) - 1])
+        return float(self.spectrum[min(k, len(self.spectrum)) - 1]
+                     / np.median(self.spectrum[k // 2:2 * k]))
 
     def steps(self, begin: int, tau: float) -> float:
         """
@@ -707,11 +700,12 @@ def _rivals(white: _White, w: np.ndarray, begin: int, omega: float, tau: float,
     of what stands out around it, in samples w; more than what swells before it as it fades behind
     it, as of a line that passes; and more than two steps or four have, as of what switches. What
     hardly swings and is there from the beginning may as well creep: nothing is before it. Nor is
-    what is heard at an end alone where a filter lets nothing pass.
+    what is heard at an end alone where a filter lets nothing pass: mirrored there, a record has
+    that frequency all the same.
 
     """
     early = begin < max(SHORTEST, 0.1 * tau) and omega * tau < 2 * np.pi
-    if early or min(begin, len(w) - begin) < 2 * tau and white.hollow(omega):
+    if early or min(begin, len(w) - begin) < 2 * tau and white.beside(omega) < HOLLOW:
         return np.inf
     at = _around(begin, tau)
     level, count = _beside(w, at)
