@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from .evidence import Evidence
-from .kinds import Coupling, Spectrum
+from .kinds import Coupling, heard_by_all
 from .likelihood import explained_by, Likelihood
 from ..core.spectrum import Bins
 from ..loop.effect import Fit
@@ -43,8 +43,8 @@ def at_one_frequency(evidence: Evidence, fit: Fit, label: str) -> str:
     bins, nats = _heard(evidence, fit, label)
     if not nats.sum() > 0:
         return ''
-    for e in fit.model.of(Spectrum):
-        if nats[e.heard_by_all(bins.f)].sum() > MOST * nats.sum():
+    for e, heard in heard_by_all(fit.model, bins.f):
+        if nats[heard].sum() > MOST * nats.sum():
             return f'what it explains is {e.label}, which all axes hear'
     wide = bins.count / (2 * evidence.duration)
     order = np.argsort(-nats / wide)

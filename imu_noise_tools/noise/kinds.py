@@ -485,10 +485,10 @@ class Line(NoiseEffect):
 
     def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
         """Say that they are where a machine with more power stays for a while, or nothing."""
-        lines = self.lines()
-        for e in fit.model.of(Spectrum):
+        f, amplitude = np.reshape(self.lines(), (-1, 2)).T
+        for e, heard in heard_by_all(fit.model, f):
             power = sum(e.values.get(k, 0.0) ** 2 for k in e.amplitudes)
-            if lines and all(e.heard_by_all(np.array(f)) and a * a / 2 < power for f, a in lines):
+            if np.all(heard & (amplitude * amplitude / 2 < power)):
                 return f'{e.label}, in which it is, has more power and stays there for a while'
         return ''
 
@@ -713,6 +713,12 @@ def owners(effects: Iterable[NoiseEffect]) -> np.ndarray:
 def is_peak(effect: Effect) -> TypeGuard[Spectrum]:
     """Tell whether an effect is noise around one frequency."""
     return isinstance(effect, Spectrum) and effect.centre is not None
+
+
+def heard_by_all(model: Model, f: np.ndarray) -> list[tuple[Spectrum, np.ndarray]]:
+    """Return what of a model other axes hear at some of f (n,), Hz, and at which, (n,) bool."""
+    heard = ((e, e.heard_by_all(f)) for e in model.of(Spectrum))
+    return [(e, at) for e, at in heard if np.any(at)]
 
 
 def foreign(model: Model) -> list[Spectrum]:

@@ -27,6 +27,7 @@ from .evidence import claimed_lines, Evidence
 from .kinds import (
     Coupling,
     Defect,
+    heard_by_all,
     Mean,
     model_crowd,
     model_psd,
@@ -868,7 +869,7 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
         both = both - its * own
     level = np.sqrt(_running(own) * _running(other))
     if fit is not None:
-        w = np.where(_heard_by_all(fit, bins), 0.0, w)
+        w = np.where(_heard_or_leaked(fit, bins), 0.0, w)
 
     def total(v):
         v = np.add.reduceat(v, starts)
@@ -881,12 +882,11 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
     return total(w * bins.f) / total(w), r, total(w)
 
 
-def _heard_by_all(fit: Fit, bins: Bins) -> np.ndarray:
+def _heard_or_leaked(fit: Fit, bins: Bins) -> np.ndarray:
     """Tell in which bins (b,) other axes hear what the model has from outside, or its leakage."""
     out = np.zeros(len(bins.f), bool)
-    for e in fit.model.of(Spectrum):
-        heard = e.heard_by_all(bins.f)
-        if np.any(heard) and fit.details is not None and len(fit.details.v) == len(bins.f):
+    for e, heard in heard_by_all(fit.model, bins.f):
+        if fit.details is not None and len(fit.details.v) == len(bins.f):
             heard = heard | (fit.details.each[e.label] > LEAKS * fit.details.v)
         out |= heard
     return out

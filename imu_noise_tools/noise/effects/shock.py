@@ -12,7 +12,7 @@ from scipy.special import binom, chdtrc, chdtri, digamma, pdtrc, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
-from ..kinds import Defect, Inputs, Parameter, Spectrum
+from ..kinds import Defect, heard_by_all, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ..views import of_nats
@@ -141,8 +141,8 @@ class Shock(Defect):
         kept = evidence.kept(cls.name)
         some = kept['worth'] > 0 if kept else np.zeros(0, bool)
         ring = kept.get('ring', np.zeros(len(some)))
-        for e in fit.model.of(Spectrum):    # that comes and goes of itself
-            some = some & ~((ring > 0) & e.heard_by_all(ring))
+        for _, heard in heard_by_all(fit.model, ring):      # that comes and goes of itself
+            some = some & ~((ring > 0) & heard)
         if not np.any(some):
             return None
         edges = np.linspace(0, evidence.n, 2 * STRETCHES + 1)
@@ -154,10 +154,9 @@ class Shock(Defect):
     def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
         """Say that what rings is a machine that wanders past, where the model has one there."""
         ring = self.values.get('ring', 0.0)
-        for e in fit.model.of(Spectrum):
-            if ring > 0 and e.heard_by_all(np.array(ring)):
-                return f'a ring at {ring:.4g} Hz is {e.label}, which comes and goes there'
-        return ''
+        others = heard_by_all(fit.model, np.array(ring)) if ring > 0 else ()
+        return next((f'a ring at {ring:.4g} Hz is {e.label}, which comes and goes there'
+                     for e, _ in others), '')
 
     def find(self, evidence: Evidence) -> Finding | None:
         """Weigh what rings, and what is loud, against noise as it is around them."""
