@@ -26,6 +26,8 @@ PER_DECADE = 40  # bins a decade above
 LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
 ROW_BLOCKS = 4  # of a triangle, which hold little of its empty half
 CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
+MIDDLE = 0.05, 0.95  # of a power: between these it is in a band
+OCTAVE = 2.0  # f/f: no wider is a band of one source
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +109,13 @@ def bins_of(n: int, dt: float, fine: tuple[float, ...] = ()) -> Bins:
         edges.append(some[(some > single[-1]) & (some < n)])
     first = np.unique(np.concatenate(edges))
     return Bins(n, dt, first, np.append(first[1:], n), fine)
+
+
+def band_of(power: np.ndarray, f: np.ndarray) -> tuple[float, float]:
+    """Return between which of the frequencies f (b,), Hz, nearly all of a power (b,) is."""
+    total = np.cumsum(power)
+    low, high = f[np.searchsorted(total, np.array(MIDDLE) * total[-1])]
+    return float(low), float(high)
 
 
 def cosine_transform(y: np.ndarray) -> np.ndarray:

@@ -12,14 +12,12 @@ import numpy as np
 from .evidence import Evidence
 from .kinds import Coupling, heard_by_all
 from .likelihood import explained_by, Likelihood
-from ..core.spectrum import Bins
+from ..core.spectrum import band_of, Bins, OCTAVE
 from ..loop.effect import Fit
 
 ACCEL = ('accel_x', 'accel_y', 'accel_z')
 MOST = 0.9      # of what a coupling explains (a choice): no coupling if it lies within ...
 SHARP = 30.0    # ... a width of f over this: a driven resonance with Q = 190
-WITHIN = 0.05, 0.95  # of what is explained, from its lowest frequency on: where most of it is
-NARROW = 2.0    # times: where that is no wider than an octave one source swings
 # of the largest share that a turn would move gravity by: shares that are off by less are those
 # of a turn (a choice)
 LIKE = 0.25
@@ -72,8 +70,8 @@ def heard_at(evidence: Evidence, fit: Fit, label: str) -> str:
     bins, nats = _heard(evidence, fit, label)
     if not nats.sum() > 0:
         return ''
-    low, high = bins.f[np.searchsorted(np.cumsum(nats), np.array(WITHIN) * nats.sum())]
-    if high > NARROW * low:
+    low, high = band_of(nats, bins.f)
+    if high > OCTAVE * low:
         return f'most of it between {low:.3g} and {high:.3g} Hz'
     middle = bins.f[np.searchsorted(np.cumsum(nats), 0.5 * nats.sum())]
     return (f'around {middle:.4g} Hz, most of it between {low:.4g} and {high:.4g} Hz: as a '

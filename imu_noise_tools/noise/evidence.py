@@ -33,6 +33,8 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 SQUARE = 'accel_square'  # the squared vibration
+STEP = 0.05  # of ln f: steps in which it is looked for what stands out of a spectrum
+AROUND = 35  # such steps, over which the median is what is around it
 NEAR = 12  # bins on either side of a line that tell the level there
 EDGE = np.sqrt(26)  # by which the place of a change scatters: of noise over squared change
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
@@ -427,19 +429,19 @@ class Evidence:
 
         """
         bins = self.whole.bins
-        f = np.exp(np.arange(np.log(8 / self.duration), np.log(0.5 / self.dt), 0.05))
+        f = np.exp(np.arange(np.log(8 / self.duration), np.log(0.5 / self.dt), STEP))
         if len(f) < 16:
             return [(0.1 / self.dt, 0.01 / self.dt, 0.0)]
         count, mean = bins.between(self.whole.power, f)
         level = np.log(mean)
-        over = sign * (level - median_filter(level, 35, mode='nearest'))
+        over = sign * (level - median_filter(level, AROUND, mode='nearest'))
         clear = over * np.sqrt(np.minimum(count, 1000.0) / 2)
         out: list[tuple[float, float, float]] = []
         for i in np.argsort(-clear):
             middle = float(np.sqrt(f[i] * f[i + 1]))
             if all(abs(np.log(middle / x)) > 0.3 for x, _, _ in out):
                 wide = int(np.sum(over[max(0, i - 8):i + 9] > 0.5 * over[i]))
-                out.append((middle, middle * 0.05 * max(1, wide), float(clear[i])))
+                out.append((middle, middle * STEP * max(1, wide), float(clear[i])))
             if len(out) == most:
                 break
         return out

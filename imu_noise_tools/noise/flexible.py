@@ -36,6 +36,7 @@ from .sweep import on_one_path, SHORTEST_SHARE, Sweep
 from .together import unlike_noise
 from .unswept import gained_beside
 from ..core.linear import inverse, SILENT
+from ..core.spectrum import band_of, OCTAVE
 from ..core.statistics import independent_squares, kurtosis_pull, means_of_blocks
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
@@ -47,7 +48,6 @@ Differences: TypeAlias = list[tuple[np.ndarray, float]]
 QUIET_GAIN = 4.0
 # standard deviations of bins side by side, below which no narrow effect can: none is tried
 QUIET_PULL = 4.0
-MIDDLE = 0.05, 0.95     # of the power that is too much: between these it is in a band
 # coefficients for each gain, from which a half octave gets gains of its own
 ENOUGH = 4.0
 # how often gains that are free in every half octave gain so much by chance: what is more refutes
@@ -199,9 +199,8 @@ def _in_a_band(f: np.ndarray, x: np.ndarray, w: np.ndarray) -> str:
     No wider than an octave. f (b,) in Hz; x (b,) is measured over model power, w what it counts.
 
     """
-    more = np.cumsum(w * np.maximum(x - 1, 0))
-    low, high = f[np.searchsorted(more, np.array(MIDDLE) * more[-1])]
-    return f'{low:.4g} to {high:.4g} Hz' if high <= 2 * low else ''
+    low, high = band_of(w * np.maximum(x - 1, 0), f)
+    return f'{low:.4g} to {high:.4g} Hz' if high <= OCTAVE * low else ''
 
 
 def _where(f, x, w):

@@ -10,18 +10,14 @@ from scipy.fft import idct
 from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
-from ..evidence import Evidence, Part
+from ..evidence import AROUND, Evidence, Part, STEP
 from ..flexible import swept
 from ..kinds import Inputs, Parameter, Spectrum
-from ...core.spectrum import Bins, leaked_beside
+from ...core.spectrum import band_of, Bins, leaked_beside, OCTAVE
 from ...core.statistics import in_a_row
 from ...loop.effect import Effect, Fit, Model
 
-STEP = 0.05     # of ln f: steps in which bands are looked for
-AROUND = 35     # such steps, over which the median is what is around a band
 HIGH = 10.0     # times the power around it that a band has somewhere (a choice: 10 dB)
-OCTAVE = 2.0    # f/f: all but a little of its power is within one
-MOST = 0.05, 0.95   # of that power: between these
 CLEAR = 1.0     # standard errors above what is around it, to where it ends
 RARE = 1e-3     # in how many records of nothing it may gain as much
 MANY = 4        # that are looked for
@@ -190,8 +186,8 @@ def _bands(evidence: Evidence) -> list[tuple[float, float]]:
                 or np.max(level[a:b]) < HIGH * np.max(_beside(bins, left, low, end)):
             continue
         inside = (bins.f >= low) & (bins.f < end)
-        total = np.cumsum((_seen(evidence.whole, low, end) * bins.count)[inside])
-        first, last = bins.f[inside][np.searchsorted(total, np.array(MOST) * total[-1])]
+        own = _seen(evidence.whole, low, end) * bins.count
+        first, last = band_of(own[inside], bins.f[inside])
         if last <= OCTAVE * first:
             out.append((float(np.max(over[a:b])), low, end))
     return [(low, end) for _, low, end in sorted(out, reverse=True)[:MANY]]
@@ -199,5 +195,7 @@ def _bands(evidence: Evidence) -> list[tuple[float, float]]:
 
 def _over(bins: Bins, power: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Return by how much the power between frequencies (k,) is above that around it, (k - 1,)."""
+    # Evidence.bumps asks this of steps that begin at the other end, and for summits of any height:
+    # there the spectrum is taken to go on as it ends, here a band that ends with it is mirrored
     level = np.log(bins.between(power, f)[1])
     return level - median_filter(level, AROUND)
