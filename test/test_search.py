@@ -670,6 +670,17 @@ def test_what_has_no_name_begins_a_chain_where_a_name_leaves_something(search, l
         assert not any('band' in k for k in search.scores)
 
 
+def test_what_has_no_name_is_fitted_only_where_no_name_has_its_place(search, monkeypatch):
+    named, nameless = found('narrowband', gain=900.0), found('band', gain=200.0)
+    monkeypatch.setattr(type(nameless.effect), 'part_of', lambda *_: 'a peak is in it')
+    search.chain = lambda begin=(): [*begin] or [named]
+    _places(search, {'': [nameless, named]})
+    search.places.tests = leaves({'narrowband': 500.0})
+    search._heals = search._lowers = lambda *_: pytest.fail('fitted')
+    search.places.problem.point = lambda model: Fit(model_of('noise', ('white',)), {}, 0.0)
+    assert [f.name for f in search.forward()] == ['narrowband']
+
+
 def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     """Beside noise that has fallen a filter had gained little; without it, it gains the most."""
     main = [found('gauss_markov', gain=90.0), found('notch', gain=80.0)]

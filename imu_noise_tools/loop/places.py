@@ -68,7 +68,7 @@ class Places:
         key = frozenset(model.labels)
         if self._is_open(key):
             try:
-                here = self._fit(model)
+                here = self.fit(model)
                 # the effort is bounded: where everything fails, each place takes seconds
                 begun = key in self._partly
                 looks = model == self.base or begun or self._may_look
@@ -93,7 +93,7 @@ class Places:
         if not self._may_look and key not in self._partly:
             return None
         try:
-            here = self._fit(model)
+            here = self.fit(model)
         except FitError:
             return None
         known = self.problem.knows_candidates(here)
@@ -108,11 +108,12 @@ class Places:
     def supported(self, model: Model) -> float | None:
         """Return ln L of what a fit of a model explains; None where there is none, or no such."""
         try:
-            return self._fit(model).supported
+            return self.fit(model).supported
         except FitError:
             return None
 
-    def _fit(self, model: Model) -> Fit[Any]:
+    def fit(self, model: Model) -> Fit[Any]:
+        """Fit a model without intervals, where that is cheaper; that of the base is known."""
         return self.state.fit if model == self.base else self.problem.point(model)
 
     def tests(self, model: Model) -> list[Finding]:
@@ -121,7 +122,7 @@ class Places:
         key = frozenset(model.labels)
         if key not in self._tested:
             try:
-                here = self._fit(model)
+                here = self.fit(model)
                 self._tested[key] = self.problem.omnibus(here)
             except FitError:
                 self._tested[key] = []
@@ -160,7 +161,7 @@ class Places:
         Whether a bound still holds it there is asked of its form, as of every member's.
 
         """
-        fit = self._fit(model)
+        fit = self.fit(model)
         return replace(finding, effect=fit.model[name], estimates=fit.estimates.get(name, {}),
                        against='' if finding.bounded else finding.against)
 

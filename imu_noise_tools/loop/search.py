@@ -509,11 +509,12 @@ class Search:
             return []
         place = self.places.at(self.places.base)
         first = [f for f in self.able(place) if nameless(f)][:1] if place is not None else []
-        if not first or any(nameless(c[0]) for c in chains if c) or not (
-                self._heals([], first[0]) and self._lowers([], first[0])):
+        if not first or any(nameless(c[0]) for c in chains if c):
             return []
-        main = self.places.problem.point(self.places.model_of(chains[0]))
-        if first[0].effect is None or first[0].effect.part_of(main.model):
+        # the main chain is fitted by now, and asking it costs nothing
+        main = self.places.fit(self.places.model_of(chains[0]))
+        if first[0].effect is None or first[0].effect.part_of(main.model) or not (
+                self._heals([], first[0]) and self._lowers([], first[0])):
             return []
         self.places.look_further(rules.ANEW)    # behind it lies what no other chain has seen
         return [self.chain(first)]
