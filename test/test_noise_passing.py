@@ -16,7 +16,6 @@ from imu_noise_tools.core.spectrum import cosine_transform, line_basis
 from imu_noise_tools.loop.effect import find_effect, Model
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.sinusoid import Sinusoid
-from imu_noise_tools.noise.evidence import from_arrays, to_arrays
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.lines import find_peaks, reference_spectrum, waves
@@ -169,14 +168,6 @@ def test_the_effect_is_simulated_and_drawn_as_it_says():
     said = effect_avar(evidence, Model([line]), line, seen.m)
     some = seen.m < 500
     np.testing.assert_allclose(np.sqrt(said[some]), seen.dev[some], rtol=0.1, atol=0.02)
-
-
-def test_lines_that_were_kept_before_they_could_end_are_read():
-    evidence = evidence_of(np.random.default_rng(8).standard_normal(N)
-                           + 0.5 * np.sin(2 * np.pi * 5.3 * T))
-    flat = to_arrays({'gyro_x': evidence})
-    flat['gyro_x/line_table'] = flat['gyro_x/line_table'][:, :4]
-    np.testing.assert_array_equal(from_arrays(flat)['gyro_x'].line_table, evidence.line_table)
 
 
 @pytest.mark.thorough

@@ -14,7 +14,7 @@ the mean. Each effect class may keep more (``statistics``).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, MISSING, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,6 @@ from scipy.fft import dct, idct, next_fast_len
 from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
-from .lines import NO_LINES
 from .passing import in_part
 from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE, without_lines
@@ -549,13 +548,6 @@ def claimed_lines(evidence: Evidence, model: Model) -> set[int]:
     return out
 
 
-def _with_stretches(table: np.ndarray, n: int) -> np.ndarray:
-    """Return a line table (l, 6); one that was kept before lines could end has four columns."""
-    if table.shape[1] == len(NO_LINES.T):
-        return table
-    return np.column_stack([table, np.zeros(len(table)), np.full(len(table), n)])
-
-
 def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
     """
     Return plain arrays by ``axis/field`` names, which :func:`from_arrays` reads.
@@ -634,7 +626,7 @@ def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
     parts: dict[str, Any] = {
         p: Part(int(flat[f'{p}/n']), dt, flat[f'{p}/power'], flat[f'{p}/lines'],
-                tuple(flat[f'{p}/fine'].tolist()), flat.get(f'{p}/quiet', np.zeros((0, 0))))
+                tuple(flat[f'{p}/fine'].tolist()), flat[f'{p}/quiet'])
         for p in PART_NAMES
     }
     curve = _below(flat, 'curve')
@@ -644,10 +636,6 @@ def _one_from_arrays(axis, flat, common):
     for key, value in _below(flat, 'statistics').items():
         name, _, what = key.partition('/')
         statistics.setdefault(name, {})[what] = value
-    # what has a default an older study may lack
-    plain = {f.name: flat[f.name] for f in fields(Evidence) if f.type == 'np.ndarray'
-             and (f.name in flat or f.default_factory is MISSING)}
-    plain.setdefault('rounding', np.atleast_1d(flat['resolution'] ** 2 / 12))
-    plain['line_table'] = _with_stretches(flat['line_table'], int(flat['n']))
+    plain = {f.name: flat[f.name] for f in fields(Evidence) if f.type == 'np.ndarray'}
     return Evidence(axis, dt, int(flat['n']), float(flat['resolution']), **parts, common=common,
                     curve=curve, statistics=statistics, **plain)
