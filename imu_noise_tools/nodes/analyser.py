@@ -11,6 +11,7 @@ import sys
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
+from .answers import worst
 from .diagnostics import Diagnostics
 from .intake import Intake
 from .loop import guarded, Loop, serve
@@ -191,14 +192,8 @@ def summary(data: dict, folder: str | Path | None) -> list[str]:
              f'{source["rate_hz"]:.6g} Hz']
     for sensor in ('gyro', 'accel'):
         axes = [e for t, e in data['targets'].items() if t.startswith(sensor)]
-        worst: dict[str, tuple[float, str]] = {}
-        for effect in (e for entry in axes for e in entry['effects'].values()):
-            for name, found in effect.items():
-                size = isinstance(found, dict) and (found.get('value') or found.get('upper95'))
-                if isinstance(size, float) and 'shown' in found:
-                    worst[name] = max(worst.get(name, (0.0, '')), (size, found['shown']))
-        shown = ', '.join(f'{name} {text}' for name, (_, text) in worst.items())
-        lines.append(f'{sensor}, the worst of its axes: {shown}' if axes else f'no {sensor}')
+        lines.append(f'{sensor}, the worst of its axes: {", ".join(worst(axes))}' if axes
+                     else f'no {sensor}')
     return [*lines, f'written to {folder}; next: imu_noise diagnose {folder}']
 
 

@@ -93,18 +93,18 @@ def _fitted(result: Mapping[str, Any]) -> str:
     said = [f'{source["samples"]} samples at {source["rate_hz"]:.6g} Hz'] if source else []
     said.append(f'beyond chance: {", ".join(beyond)}' if beyond else 'all axes within chance')
     for sensor in ('gyro', 'accel') if source else ():
-        values = list(_worst(e for t, e in targets.items() if t.startswith(sensor)))
+        values = list(worst(e for t, e in targets.items() if t.startswith(sensor)))
         said += [f'{sensor} {", ".join(values)}'] if values else []
     return '; '.join(said)
 
 
-def _worst(entries: Iterable[Mapping[str, Any]]) -> Iterable[str]:
+def worst(entries: Iterable[Mapping[str, Any]]) -> Iterable[str]:
     """Yield the largest of each coefficient of some axes, as it is shown."""
-    worst: dict[str, tuple[float, str]] = {}
+    most: dict[str, tuple[float, str]] = {}
     for entry in entries:
         for effect in entry['effects'].values():
             for name, found in effect.items():
                 size = isinstance(found, Mapping) and (found.get('value') or found.get('upper95'))
                 if isinstance(size, float) and isinstance(found, Mapping) and 'shown' in found:
-                    worst[name] = max(worst.get(name, (0.0, '')), (size, str(found['shown'])))
-    return (f'{name} {shown}' for name, (_, shown) in worst.items())
+                    most[name] = max(most.get(name, (0.0, '')), (size, str(found['shown'])))
+    return (f'{name} {shown}' for name, (_, shown) in most.items())
