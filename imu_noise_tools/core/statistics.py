@@ -18,6 +18,7 @@ TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
 CHI2_995, CHI2_95, CHI2_90 = 7.879438576622417, 3.841458820694124, 2.705543454095404
 MEDIAN = 0.4549     # of chi-squared with one degree of freedom
 MAD = 1.482602218505602         # standard deviation over median absolute deviation, if normal
+LEVELS = 4096       # of a grid, at most
 FAR = (101, 149, 211)  # samples: longer than any hold
 LENGTHS = 3, 50     # of equal samples, that rounding makes seldom and a sensor holds
 FEWEST_RUNS = 5     # of one length
@@ -182,7 +183,7 @@ def robust_sigma(y: np.ndarray) -> float:
     return float(np.std(d)) / np.sqrt(2)
 
 
-def grid_step(y: np.ndarray, most: int = 4096) -> tuple[float, int]:
+def grid_step(y: np.ndarray) -> tuple[float, int]:
     """
     Return (step, levels): the spacing of the grid that y lies on, 0 where there is none.
 
@@ -194,16 +195,16 @@ def grid_step(y: np.ndarray, most: int = 4096) -> tuple[float, int]:
     """
     some = y[:200_000]
     blur = 4e-7 * float(np.max(np.abs(some), initial=0.0))  # float32 storage
-    step, levels = _spacing(some, blur, most)
-    return step or _spacing(np.abs(np.diff(some)), blur, most)[0], levels
+    step, levels = _spacing(some, blur)
+    return step or _spacing(np.abs(np.diff(some)), blur)[0], levels
 
 
-def _spacing(y: np.ndarray, blur: float, most: int) -> tuple[float, int]:
-    """Return (step, levels) of y (n,), at most ``most``; those within ``blur`` are one."""
+def _spacing(y: np.ndarray, blur: float) -> tuple[float, int]:
+    """Return (step, levels) of y (n,); levels within ``blur`` are one."""
     # a tenth of them tells as well that there is none, and is sorted in a tenth of the time
     few = y[::10]
     levels, _ = _levels(few, blur)
-    if len(levels) > max(2 * most, len(few) // 2):
+    if len(levels) > max(2 * LEVELS, len(few) // 2):
         return 0.0, len(levels)
     levels, counts = _levels(y, blur)
     if len(levels) < 2 or len(levels) > len(y) // 4:
@@ -211,7 +212,7 @@ def _spacing(y: np.ndarray, blur: float, most: int) -> tuple[float, int]:
     often = counts >= 5
     if np.sum(counts[often]) > 0.95 * len(y):
         levels = levels[often]
-    if not 2 <= len(levels) <= most:
+    if not 2 <= len(levels) <= LEVELS:
         return 0.0, len(levels)
     gaps = np.diff(levels)
     step = float(np.min(gaps))

@@ -15,6 +15,7 @@ from .inputs import Bag
 from .run import Fleet, Progress
 from ..core import files
 from ..core.errors import InputError
+from ..core.units import shown
 from ..report.terminal import table as columns
 
 SUMMARY = 'fleet.json'
@@ -133,11 +134,11 @@ def _of(p: dict[str, Any], name: str) -> tuple[str, str, str]:
     sensor = name.split()[0]
     if not p['axes']:
         limit = p['largest_limit']
-        said = f'below {findings.shown(limit, p["template"], sensor)}' if limit else ''
+        said = f'below {shown(limit, p["template"], sensor)}' if limit else ''
         return said or 'shown by too few units', '', ''
     worst = max(m['mean'] for m in p['axes'].values())
-    return (findings.shown(worst, p['template'], sensor), page.small(p['between']),
-            findings.shown(p['covers95'], p['template'], sensor))
+    return (shown(worst, p['template'], sensor), page.small(p['between']),
+            shown(p['covers95'], p['template'], sensor))
 
 
 def compare(a: str | Path, b: str | Path) -> list[dict[str, Any]]:

@@ -231,7 +231,7 @@ def _population(rows: Columns, model: str, sensor: str, parameter: str) -> Popul
     value = np.where(null, limits_of(rows), rows['value']).astype(float)
     ok = np.isfinite(value) & (value > 0)
     rows, null, value = rows.where(ok), null[ok], value[ok]
-    time = _days(rows[DATE])
+    time = np.array([day(d) if d else np.nan for d in rows[DATE]], float)
     order = np.lexsort((np.nan_to_num(time), rows['axis'].astype(str), rows['unit'].astype(str)))
     rows, null, value, time = rows.where(order), null[order], value[order], time[order]
     names, unit = np.unique(rows['unit'].astype(str), return_inverse=True)
@@ -261,10 +261,6 @@ def limits_of(rows: Columns) -> np.ndarray:
     """Return the 95 % upper limits, or else the upper ends of the intervals."""
     limit, hi = rows['upper95'].astype(float), rows['hi'].astype(float)
     return np.where(np.isfinite(limit), limit, hi)
-
-
-def _days(dates: np.ndarray) -> np.ndarray:
-    return np.array([day(d) if d else np.nan for d in dates], float)
 
 
 def _design(rows: Columns, X: np.ndarray) -> tuple:
@@ -429,11 +425,6 @@ def compare(a: Any, b: Any) -> list[dict[str, Any]]:
         raise InputError('the two fleets have no model and coefficient in common',
                          'compare fleets of the same models')
     return out
-
-
-def shown(value: float | None, template: str, sensor: str) -> str:
-    """Return a value as the field writes it."""
-    return units.shown(value, template, sensor)
 
 
 def worst_first(cases: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -11,7 +11,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from .findings import shown, worst_first
+from .findings import worst_first
+from ..core.units import shown
 from ..health import suspected
 from ..report.markup import badge, bullets, cell, escape, folded, page, table
 
@@ -67,13 +68,13 @@ def _head(s: Mapping[str, Any]) -> str:
     return f'<p>{" ".join(x if x.startswith("<") else escape(x) for x in said)}</p>'
 
 
-def _link(s: Mapping[str, Any], unit: str, text: str = '') -> str:
+def _link(s: Mapping[str, Any], unit: str) -> str:
     """Return a unit's name, leading to the report of its last bag."""
     bags = s['about'].get(unit, {}).get('bags') or []
     if not bags:
-        return escape(text or unit)
+        return escape(unit)
     last = max(bags, key=lambda b: b['date'] or '')
-    return f'<a href="bags/{quote(last["key"])}/{s["report"]}">{escape(text or unit)}</a>'
+    return f'<a href="bags/{quote(last["key"])}/{s["report"]}">{escape(unit)}</a>'
 
 
 def _outlying(s: Mapping[str, Any]) -> str:

@@ -83,7 +83,7 @@ FAST_SHARE = 0.1
 FELT = 0.02
 
 
-def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS) -> float:
+def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray) -> float:
     """
     Return by how many nats a broken line in u betters x = measured/model power (b,).
 
@@ -91,9 +91,9 @@ def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS)
     Fisher scoring with step control.
 
     """
-    if len(x) < 2 * knots or not u[-1] > u[0]:
+    if len(x) < 2 * KNOTS or not u[-1] > u[0]:
         return 0.0
-    at = np.linspace(u[0], u[-1], knots)
+    at = np.linspace(u[0], u[-1], KNOTS)
     basis = np.maximum(1 - np.abs(u[:, None] - at) / (at[1] - at[0]), 0)
     w = np.maximum(w, 1e-9)
 
@@ -102,15 +102,15 @@ def smooth_gain(x: np.ndarray, w: np.ndarray, u: np.ndarray, knots: int = KNOTS)
         return 0.5 * float(np.sum(w * (s + x * np.exp(-s))))
 
     # a start that no single bin far off can spoil
-    a = np.zeros(knots)
-    for j in range(knots):
+    a = np.zeros(KNOTS)
+    for j in range(KNOTS):
         share = w * basis[:, j]
         a[j] = np.log(max(np.sum(share * x) / max(np.sum(share), 1e-300), 1e-12))
-    first = cost(np.zeros(knots))
+    first = cost(np.zeros(KNOTS))
     best = cost(a)
     if best > first:
-        a, best = np.zeros(knots), first
-    information = 0.5 * (basis * w[:, None]).T @ basis + 1e-6 * np.eye(knots)
+        a, best = np.zeros(KNOTS), first
+    information = 0.5 * (basis * w[:, None]).T @ basis + 1e-6 * np.eye(KNOTS)
     for _ in range(60):
         left = x * np.exp(-np.clip(basis @ a, -60, 60))
         step = np.linalg.solve(information, 0.5 * basis.T @ (w * (left - 1)))

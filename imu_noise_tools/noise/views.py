@@ -319,7 +319,7 @@ def followed(evidence: Evidence, fit: Fit) -> list[Spectrum]:
             if s.path(evidence) is not None and _there(fit, s)]
 
 
-def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockMeans:
+def block_means(evidence: Evidence, fit: Fit) -> BlockMeans:
     """
     Return block means of the whole record and what the model says of them.
 
@@ -327,7 +327,7 @@ def block_means(evidence: Evidence, fit: Fit, most: int = TIME_BLOCKS) -> BlockM
 
     """
     e, noise = evidence, fit.model
-    count = min(most, len(e.slow_y) // 2 * 2)
+    count = min(TIME_BLOCKS, len(e.slow_y) // 2 * 2)
     per = len(e.slow_y) // count
     used = count * per
 

@@ -111,15 +111,11 @@ def _turns(ax, calibration, x):
     miss, rest = np.linalg.norm(left[:, :turns.n], axis=0), left[:, turns.n:]
     ax.axhspan(0, 2, color='#eef1f3', linewidth=0, zorder=0)
     ax.bar(x[:turns.n], miss / np.sqrt(2) / turns.spread, 0.6, color=AXES['x'],
-           label=f'turns miss gravity by {_rms_deg(miss):.2g}° rms')
+           label=f'turns miss gravity by {np.degrees(np.sqrt(np.mean(np.square(miss)))):.2g}° rms')
     ax.bar(x[turns.n:], np.sqrt(np.mean((rest / turns.rests.std) ** 2, axis=0)), 0.6,
            color=AXES['z'], label=f'rests miss the bias by {np.sqrt(np.mean(rest ** 2)):.2g} '
                                   f'{readable(calibration.problem.unit)} rms')
     return 'times the noise'
-
-
-def _rms_deg(angles) -> float:
-    return float(np.degrees(np.sqrt(np.mean(np.square(angles)))))
 
 
 def _readings(ax, calibration, x):
