@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc, ndtr, ndtri
 
 from ..core.spectrum import bins_of, cosine_transform, power
-from ..core.statistics import gamma_excess, gamma_pull, kurtosis_pull
+from ..core.statistics import gamma_excess, gamma_pull, kurtosis_pull, means_of_blocks
 from ..loop.effect import Finding, Score, View
 
 LAGS = 20               # of the Ljung-Box test
@@ -120,10 +120,9 @@ def time_view(u: np.ndarray, dt: float) -> View:
 
     """
     size = max(1, len(u) // VARIANCE_BLOCKS)
-    count = len(u) // size
-    level = np.mean(u[:count * size].reshape(count, size) ** 2, axis=1)
+    level = means_of_blocks(u**2, size)
     pull = (np.cbrt(level) - (1 - 2 / (9 * size))) / np.sqrt(2 / (9 * size))
-    return View('time', (np.arange(count) + 0.5) * size * dt, pull, 0.0, 0.0, 's')
+    return View('time', (np.arange(len(level)) + 0.5) * size * dt, pull, 0.0, 0.0, 's')
 
 
 def score_of(

@@ -391,8 +391,8 @@ def _seeds(w: np.ndarray, lengths: list[int], fewest: float) -> list[_Seed]:
     return out[:SEEDS]
 
 
-def _nats(w: np.ndarray, omega: float, tau: float, most: int | None = None) -> np.ndarray:
-    """Return the nats of rings that begin at the first ``most`` samples of w (..., n), or all."""
+def _nats(w: np.ndarray, omega: float, tau: float, most: int) -> np.ndarray:
+    """Return the nats of rings that begin at the first ``most`` samples of w (..., n)."""
     pole = np.exp(-1 / tau - 1j * omega)
     # z_i = w_i + pole z_i+1 as two diagonals: a filter takes half a second to load
     diagonals = np.empty((2, w.shape[-1]), complex, order='F')

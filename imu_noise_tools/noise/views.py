@@ -39,7 +39,7 @@ from .kinds import (
 from .likelihood import Likelihood
 from .lines import waves
 from ..core.spectrum import Bins, bins_of, expected
-from ..core.statistics import gamma_excess, gamma_pull
+from ..core.statistics import gamma_excess, gamma_pull, means_of_blocks
 from ..loop.effect import Fit, Model, registry, View
 from ..loop.verdict import STRIKING, tail
 
@@ -480,11 +480,10 @@ def time(evidence: Evidence, fit: Fit, known: str = 'odd') -> View:
     odd, even = index[stretch % 2 == 1], index[stretch % 2 == 0]
     a, b = (odd, even) if known == 'odd' else (even, odd)
     z, log_score = predicted(means, a, b)
-    count = len(z) // GROUP
-    x = np.mean(z[: count * GROUP].reshape(count, GROUP) ** 2, axis=1)
+    x = means_of_blocks(z**2, GROUP)
     if followed(evidence, fit):
         x = np.maximum(x, 1.0)
-    excess, variance = gamma_excess(x, np.full(count, float(GROUP)))
+    excess, variance = gamma_excess(x, np.full(len(x), float(GROUP)))
     return replace(_view('time', means.t[b], z, excess, variance, 's'), log_score=log_score)
 
 

@@ -56,7 +56,6 @@ class Rts(Spectrum):
         'another one. Averaging helps only beyond many dwell times.'
     )
     reference = 'Machlup, Noise in semiconductors: spectrum of a two-parameter random signal, 1954'
-    views = ('frequency', 'time')
     # whitened, a switch is a knock: samples with strong ones are neither normal nor steady
     mutes = ('distribution', 'variance')
     broad = True

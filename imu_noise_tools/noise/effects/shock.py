@@ -18,7 +18,7 @@ from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
 from ..views import of_nats
 from ...core.spectrum import cosine_transform
 from ...core.statistics import (
-    grid_step, hold, in_a_row, interval, MEDIAN, repeats, row_medians
+    grid_step, hold, in_a_row, interval, means_of_blocks, MEDIAN, repeats, row_medians
 )
 from ...loop.effect import Effect, Estimate, Finding, Fit, View
 from ...loop.verdict import SURE as NAMED
@@ -381,8 +381,7 @@ def _beyond_the_usual(ratio: np.ndarray, degrees: float, length: int,
         rest[begin:end] = False
     left = kept['worth'].copy()
     for k, lasts in enumerate(blocks['end'] - blocks['begin']):
-        count = np.sum(rest) // lasts
-        power = np.mean(ratio[rest][:count * lasts].reshape(count, lasts), axis=1)
+        power = means_of_blocks(ratio[rest], lasts)
         over = np.maximum(power / np.median(power) - 1, 0)
         tail = tail_of(0.5 * degrees * lasts * (over - np.log1p(over)))
         left[k] -= tail.beyond(left[k])

@@ -459,11 +459,9 @@ def _degrees(evidence: Evidence, isolated: Tails, together: float,
 
 def _slow_without(y, index, excess) -> float:
     """Return the slow power of the samples without what stands out, over that with it."""
-    count = len(y) // SLOW
     taken = y.copy()
     taken[index] -= excess
-    power = [float(np.mean(np.diff(x[:count * SLOW].reshape(count, SLOW).mean(axis=1)) ** 2))
-             for x in (y, taken)]
+    power = [float(np.mean(np.diff(means_of_blocks(x, SLOW)) ** 2)) for x in (y, taken)]
     return power[1] / power[0] if power[0] > 0 else 1.0
 
 
