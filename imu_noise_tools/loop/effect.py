@@ -511,16 +511,16 @@ def load_effects(path: str | Path) -> list[str]:
         raise
     except (Exception, SystemExit) as error:
         raise InputError(f'{path}: {type(error).__name__}: {error}', 'fix the file') from error
-    found = {
-        n: c for known in _REGISTRY.values() for n, c in known.items() if c.__module__ == spec.name
-    }
-    for own in found.values():
+    found = [
+        c for known in _REGISTRY.values() for c in known.values() if c.__module__ == spec.name
+    ]
+    for own in found:
         own.loaded_from = str(path.resolve())
     if not found:
         raise InputError(
             f'{path}: defines no effect', 'derive a class from an effect kind and give it a name'
         )
-    return list(found)
+    return [c.name for c in found]
 
 
 def loaded_effects() -> list[str]:
