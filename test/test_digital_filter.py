@@ -10,7 +10,7 @@ from scipy.signal import butter, cheby2, ellip, firwin, freqz, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of
-from imu_noise_tools.loop.effect import model_of
+from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.study import assess
 from imu_noise_tools.noise.effects.digital_filter import _cosines, BENDS, DigitalFilter
 from imu_noise_tools.noise.gather import gather
@@ -104,6 +104,12 @@ def test_a_deep_stop_band_leaves_the_error_its_scatter(taps):
     error = assess(NoiseProblem(evidence), model, intervals=False).error
     assert 'frequency' in error.failing and error.excess > 10, 'a filter so steep has no such form'
     assert error.std < 0.2 and error.views['frequency'].std < 0.3
+
+
+def test_a_step_between_two_bins_is_no_band():
+    """What falls so steeply stands out of its surroundings there, where no bin has its middle."""
+    record = record_of(np.random.default_rng([11, 1]), 600, *[FILTERS['Chebyshev II']] * 3)
+    assert find_effect('noise', 'band')().starts(gather(record, ['gyro_y'])['gyro_y']) == []
 
 
 @pytest.mark.thorough

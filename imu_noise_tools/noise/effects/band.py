@@ -182,10 +182,11 @@ def _bands(evidence: Evidence) -> list[tuple[float, float]]:
     out = []
     for a, b in in_a_row(over > CLEAR * np.sqrt(2 / count)):
         low, end = float(f[a]), float(f[b])
-        if a == 0 or np.max(over[a:b]) < np.log(HIGH) \
+        inside = (bins.f >= low) & (bins.f < end)
+        # a step may lie between the middles of two bins
+        if a == 0 or not np.any(inside) or np.max(over[a:b]) < np.log(HIGH) \
                 or np.max(level[a:b]) < HIGH * np.max(_beside(bins, left, low, end)):
             continue
-        inside = (bins.f >= low) & (bins.f < end)
         own = _seen(evidence.whole, low, end) * bins.count
         first, last = band_of(own[inside], bins.f[inside])
         if last <= OCTAVE * first:
