@@ -513,6 +513,21 @@ def test_what_px4_does_not_allow_is_said(study):
     assert 'EKF2_GYR_NOISE would be' in text
 
 
+def test_of_an_output_coarser_than_its_noise_n_is_that_in_motion():
+    """At rest in the middle of a step it has little of the noise that it has when it moves."""
+    rng = np.random.default_rng(8)
+    n, rate, step = 30_000, 100.0, 0.15
+    accel = 0.2 * step * rng.standard_normal((n, 3))
+    study = analyse_record(ImuRecord(1e-3 * rng.standard_normal((n, 3)),
+                                     step * np.round(accel / step), np.arange(n) / rate, rate))
+    written = np.sqrt(kalibr(export.export(study, 'kalibr'))['accel'][0])
+    fitted = max(s.fit.estimates['white']['N'].value for a, s in study.states.items()
+                 if 'accel' in a)
+    true = step * np.sqrt((0.2**2 + 1 / 12) / rate)
+    assert fitted < 0.5 * true < 0.98 * true < written < 1.3 * true
+    assert 'written is what it is in motion' in export.export(study, 'kalibr')
+
+
 def test_a_study_without_an_accelerometer(study):
     """A format that needs both says so; a covariance is marked as not measured."""
     alone = type(study)('noise', {t: s for t, s in study.states.items() if 'gyro' in t},

@@ -31,6 +31,7 @@ from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum, _fainter, 
 from imu_noise_tools.noise.effects.spikes import _gain, _swing, Spikes
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
+from imu_noise_tools.noise.level import in_motion
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.rounded import (
@@ -153,6 +154,30 @@ def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
     y = noise(7) + np.linspace(0, 3 * ratio, N)
     x, w = before_rounding(ratio * np.round(y / ratio), ratio)
     assert np.sqrt(np.mean(w / 2 * np.log(x) ** 2)) == pytest.approx(1, abs=0.2)
+
+
+@pytest.mark.parametrize('ratio, place, most', [
+    (2.2, 0.5, 1.1), (6.0, 0.05, 1.1), (6.0, 0.3, 1.2), (6.0, 0.5, 1.6)])
+def test_what_a_coarse_grid_hides_at_rest_is_told_as_it_is_in_motion(ratio, place, most):
+    """
+    Told is how large errors are that are made in motion, with a limit where nothing tells.
+
+    With the mean on a level a sensor looks quieter than it is. Half-way to the next one samples
+    stand on both alike, however loud the noise is.
+
+    """
+    rest = noise(21) + place * ratio
+    at = ImuRecord(None, np.stack([ratio * np.round(rest / ratio), noise(22), noise(23)], 1),
+                   np.arange(N) / 100, 100.0)
+    axes = gather(at, ['accel_x', 'accel_y'])
+    moving = noise(24) + np.linspace(0, 40 * ratio, N)
+    error = ratio * np.round(moving / ratio) - np.linspace(0, 40 * ratio, N)
+    true = np.std(error) / np.sqrt(100)
+    assert 0.97 * true < in_motion(axes['accel_x']) < most * true
+    note = NoiseProblem(axes['accel_x']).fit(model_of('noise', ('white',))).estimates['white'][
+        'N'].note
+    assert 'coarser than the noise' in note and 'while the sensor moves' in note
+    assert in_motion(axes['accel_y']) == 0.0
 
 
 @pytest.mark.thorough

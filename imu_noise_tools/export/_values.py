@@ -62,7 +62,7 @@ def value_of(
 
     Where K is not resolved its 95 % upper limit is used, and said; where the model lacks the
     effect it is fitted for this. Where the model fails and it matters, N and K are those that
-    cover the measured curve.
+    cover the measured curve. N of an output that is coarser than its noise is that in motion.
 
     """
     axes = [t for t in study.targets if t.startswith(sensor)]
@@ -76,10 +76,14 @@ def value_of(
             raise InputError(f'{study.source.get("path")}: states nothing slow of {axis}, so no K '
                              'follows from it', 'state allan_minimum, bias_instability or '
                              'rate_random_walk, or analyse a record')
-        if parameter in 'NK' and (horizon is not None or fails(state)):
-            values.append(covering(state, horizon)[parameter])
-            continue
-        value, note = _resolved(state, parameter)
+        covers = parameter in 'NK' and (horizon is not None or fails(state))
+        value, note = (covering(state, horizon)[parameter], '') if covers else _resolved(
+            state, parameter)
+        if parameter == 'N' and value is not None:
+            moving = cast(NoiseProblem, state.problem).in_motion()
+            if moving > value:
+                note = f'{note or "N"}; written is what it is in motion'
+                value = moving
         values.append(np.nan if value is None else value)
         if note:
             notes.append(f'{axis}: {note}')

@@ -197,7 +197,8 @@ class Evidence:
     3) is time, minimum, maximum. ``loud`` (stretches, 2) are the times in which something beside
     the sensor is switched on, s; ``sweep`` (6,) is a line that moves (:mod:`.sweep`).
     ``unrounded`` (2, blocks) is how loud the noise was before a coarse grid, and how many degrees
-    of freedom tell it (:mod:`.rounded`), (2, 0) on no such. ``clipped`` (0 to 2, 2) are the ends
+    of freedom tell it (:mod:`.rounded`), (2, 0) on no such; ``before`` (0 or 2) is
+    how loud it was in all, in steps, and what tells that. ``clipped`` (0 to 2, 2) are the ends
     of the range at which samples stand, and the share of them. ``statistics`` maps an effect's
     name to what it kept.
 
@@ -221,6 +222,7 @@ class Evidence:
     loud: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     sweep: np.ndarray = field(default_factory=lambda: np.zeros(6))
     unrounded: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
+    before: np.ndarray = field(default_factory=lambda: np.zeros(0))
     rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
     fading: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     clipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))

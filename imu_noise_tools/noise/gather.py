@@ -33,7 +33,7 @@ from .lines import (
 )
 from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
-from .rounded import added_by_rounding, before_rounding, coarse
+from .rounded import added_by_rounding, before_rounding, coarse, noise_before
 from .slower import as_measured, images_of_lines, Measured
 from .stairs import unrounded
 from .sweep import find_sweep, on_its_path, Sweep
@@ -167,6 +167,7 @@ class _Gathering:
         own['rounding'] = added_by_rounding(self.clean[axis][:self.used], own['resolution'], sigma)
         if coarse(own['resolution'], sigma):
             own['unrounded'] = before_rounding(self.clean[axis][:self.used], own['resolution'])
+            own['before'] = noise_before(self.clean[axis][:self.used], own['resolution'])
         self._listen(axis)
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()

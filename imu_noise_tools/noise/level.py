@@ -24,6 +24,7 @@ from ..core.clipped import ends_in_words, narrowed
 from ..loop.effect import Estimate, Fit, Model
 
 CLIPPED = 1e-3  # share of the samples at an end of the range; less takes no thousandth from N
+SURELY, HALF = 1.96, 0.5  # standard deviations of 95 %; steps of noise on a coarse grid at most
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
 SHARE = 0.5  # of a band's power, that white noise has where the band tells of it
@@ -51,6 +52,11 @@ def _notes(evidence: Evidence, fit: Fit, changes: bool,
     out = []
     if said := clipped(evidence):
         out.append(f'{said}: mean and level are wrong')
+    if moving := in_motion(evidence):
+        out.append(f'rounded to steps that are coarser than the noise ({evidence.before[0]:.2g} '
+                   'of one): the level is that of the output with the mean where it is, and up to '
+                   f'{units.shown(moving, "{rate}/sqrt(Hz)", evidence.sensor)} while the sensor '
+                   'moves')
     if band:
         out.append(f'what changes the level in time is not heard from {band[0]:.3g} to '
                    f'{band[1]:.3g} Hz: it is no change of this')
@@ -95,6 +101,23 @@ def clipped(evidence: Evidence) -> str:
         return ''
     ends = ends_in_words(evidence.axis, evidence.clipped.tolist())
     return f'samples stand at the end of the range ({ends})'
+
+
+def in_motion(evidence: Evidence) -> float:
+    """
+    Return the density of noise on a coarse grid while the mean moves over it, 0 on no such.
+
+    At rest that goes with where between two levels the mean stands: in the middle of a step little
+    of the noise comes through. Over all places the error of a sample is the noise before the
+    rounding, of which this takes the upper end of the interval, and that of the rounding.
+
+    """
+    if not evidence.before.size:
+        return 0.0
+    noise, freedom = evidence.before.tolist()
+    # of more than half a step the output would not be coarse
+    most = min(noise * np.exp(SURELY / np.sqrt(2 * max(freedom, 1e-9))), HALF)
+    return float(evidence.resolution * np.sqrt((max(most, noise)**2 + 1 / 12) * evidence.dt))
 
 
 def narrowed_by_clipping(evidence: Evidence, fit: Fit) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from .differences import differences, without_rounding
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
 from .kinds import Coupling, Defect, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
-from .level import clipped, with_level_notes
+from .level import clipped, in_motion, with_level_notes
 from .materiality import Materiality, materiality
 from .plan import durations_for, range_in_words
 from .sweep import test_of
@@ -301,6 +301,10 @@ class NoiseProblem(Problem):
         if fit.model not in self._matters:
             self._matters[fit.model] = materiality(self.evidence, fit)
         return self._matters[fit.model]
+
+    def in_motion(self) -> float:
+        """Return what N is while the sensor moves over a coarse grid, 0 where there is none."""
+        return in_motion(self.evidence)
 
     def basis(self, fit: Fit) -> dict:
         """Return what the numbers of a fit rest on, and whether what they do not matters."""

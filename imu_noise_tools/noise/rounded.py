@@ -128,6 +128,28 @@ def _independent(y: np.ndarray, step: float, length: int) -> float:
     return 1 / (1 + 2 * max(float(np.sum(square[:most] - np.mean(square[most:]))), 0.0))
 
 
+def noise_before(y: np.ndarray, step: float) -> np.ndarray:
+    """
+    Return how loud one normal noise was before it was rounded, and what tells it.
+
+    Parameters
+    ----------
+    y : ndarray (n,)
+        Samples on a coarse grid.
+    step : float
+        Of the grid.
+
+    Returns
+    -------
+    ndarray (2,)
+        Standard deviation, in steps, and degrees of freedom.
+
+    """
+    counts = _counted(y, step)
+    place, _ = _of_one_noise(counts)
+    return np.array([np.exp(place[0, 2]), np.sum(_information(counts, place))])
+
+
 def added_by_rounding(y: np.ndarray, step: float, sigma: float) -> np.ndarray:
     """
     Return the autocovariance, from lag 0 on, of what rounding adds to normal noise.

@@ -88,6 +88,10 @@ class StatedProblem(NoiseProblem):
         """Nothing fails where nothing was measured."""
         return Materiality(True)
 
+    def in_motion(self) -> float:
+        """Nothing is known of how it was rounded."""
+        return 0.0
+
     def basis(self, fit: Fit) -> dict[str, Any]:
         """Return nothing."""
         return {}
