@@ -20,6 +20,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import bins_of, cosine_transform, power
 from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of
+from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import flexible, Inputs, shared
@@ -31,7 +32,7 @@ from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
-from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
 from imu_noise_tools.noise.views import beside, p_value, time, variance
@@ -265,6 +266,25 @@ def test_a_filter_that_leaves_next_to_nothing_at_the_end_of_the_spectrum_is_foll
     assert fit.model['low_pass']['cutoff'] == pytest.approx(42.0, rel=0.03)
     (said,) = (f for f in problem.omnibus(fit) if f.name == 'frequency')
     assert said.p_value > 1e-3, said
+
+
+@pytest.mark.parametrize(('power', 'place', 'where'), [
+    (0.0, (9.0, 11.0), ''), (1e8, (24.999, 25.0), '25 Hz')])
+def test_where_power_is_missing_there_is_nothing_to_look_for(power, place, where):
+    """A machine at 10 Hz was to be looked for where a notch is; one at one place is at that."""
+    c = np.fft.rfft(np.random.default_rng(84).standard_normal(40_000))
+    f = np.fft.rfftfreq(40_000, 1 / 50)
+    c[(f >= place[0]) & (f <= place[1])] *= np.sqrt(power)
+    y = np.tile(np.fft.irfft(c), (3, 1)).T + 1e-6 * np.arange(3)
+    problem = NoiseProblem(gather(ImuRecord(y, None, np.arange(40_000) / 50, 50.0),
+                                  ['gyro_x'])['gyro_x'])
+    tests = {t.name: t for t in failures(problem.omnibus(problem.point(
+        model_of('noise', ('white',)))))}
+    assert {'frequency', 'shape'} <= set(tests)
+    assert tests['shape'].where == where
+    assert bool(tests['frequency'].where) == bool(where)
+    assert where_to_look([tests['shape'], tests['frequency']]) == (
+        f'Look for what turns or swings at {where}.' if where else '')
 
 
 @pytest.mark.thorough

@@ -200,7 +200,8 @@ def _in_a_band(f: np.ndarray, x: np.ndarray, w: np.ndarray) -> str:
 
     """
     low, high = band_of(w * np.maximum(x - 1, 0), f)
-    return f'{low:.4g} to {high:.4g} Hz' if high <= OCTAVE * low else ''
+    ends = f'{low:.4g}', f'{high:.4g}'
+    return f'{" to ".join(dict.fromkeys(ends))} Hz' if high <= OCTAVE * low else ''
 
 
 def _where(f, x, w):

@@ -243,7 +243,7 @@ class NoiseProblem(Problem):
                         p_value=views.p_value(view),
                         evidence=_worst(view, worst),
                         log_score=view.log_score,
-                        where=f'{view.x[worst]:.4g} {view.unit}' if view.name in PLACED else '',
+                        where=_place(view, worst),
                     )
                 )
         return out
@@ -419,6 +419,12 @@ def arrays_of(found: dict[str, NoiseProblem]) -> dict[str, np.ndarray]:
         'method': np.array(some.method),
         'bias_at': np.array(some.bias_at),
     }
+
+
+def _place(view: View, k: int) -> str:
+    """Return where there is something to look for, if anywhere: not where power is missing."""
+    there = view.name in PLACED and (PLACED[view.name] != 'Hz' or view.pull[k] > 0)
+    return f'{view.x[k]:.4g} {view.unit}' if there else ''
 
 
 def _worst(view: View, k: int) -> str:
