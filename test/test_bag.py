@@ -817,6 +817,51 @@ TABLES = {
 }
 
 
+@pytest.mark.parametrize(('names', 'fields'), [
+    ('gyro_x [deg/h],gyro_y [deg/h],gyro_z [deg/h],accel_x [µg],accel_y [µg],accel_z [µg]', ''),
+    ('Gyro X (°/hr),Gyro Y (°/hr),Gyro Z (°/hr),Acc X (ug),Acc Y (ug),Acc Z (ug)', ''),
+    ('p,q,r,f1,f2,f3', 'gyro=p+q+r:1/3600deg/s,accel=f1+f2+f3:1/1000000g')])
+def test_units_of_the_field_and_counts_in_a_table(names, fields, tmp_path):
+    """A gyroscope of fibre optics writes deg/h; raw counts are told with the columns."""
+    r = bad_input.still(5)
+    scaled = replace(r, gyro=np.degrees(r.gyro) * 3600, accel=r.accel / 9.80665e-6)
+    (tmp_path / 'x.csv').write_text(written(scaled, f't,{names}', t=r.t))
+    record = open_record(tmp_path / 'x.csv', fields=fields or None)
+    np.testing.assert_allclose(record.gyro, r.gyro, rtol=1e-9)
+    np.testing.assert_allclose(record.accel, r.accel, rtol=1e-9)
+    assert not any('not known' in w for w in record.warnings)
+    (tmp_path / 'y.csv').write_text(written(r, f'GPS TOW [s],{AXES6}', t=r.t))
+    with pytest.raises(InputError, match='column of the stamps with --fields'):
+        open_record(tmp_path / 'y.csv')
+
+
+@pytest.mark.parametrize('name', ['I', 'imu_id', 'instance'])
+def test_of_two_sensors_in_one_table_one_is_chosen(name, tmp_path):
+    """ArduPilot logs one line of each in turn: read as one sensor, nothing of it was right."""
+    r = bad_input.still(5)
+    other = replace(r, gyro=0.1 - r.gyro, accel=2 * r.accel)
+    t = np.repeat(r.t, 2)
+    both = replace(r, gyro=np.stack([r.gyro, other.gyro], 1).reshape(-1, 3), t=t,
+                   accel=np.stack([r.accel, other.accel], 1).reshape(-1, 3))
+    lines = written(both, f't,{AXES6},T'.replace('_', ' '), t=t, behind='41.5').splitlines()
+    path = tmp_path / 'x.csv'
+    path.write_text('\n'.join([f'{name},{lines[0]}'] + [
+        f'{k % 2},{line}' for k, line in enumerate(lines[1:])]) + '\n')
+    with pytest.raises(InputError, match=f'2 sensors, by its column {name}: 0, 1.*only={name}:0'):
+        open_record(path)
+    for k, one in enumerate((r, other)):
+        record = open_record(path, fields=f'only={name}:{k},temperature=T')
+        np.testing.assert_allclose(record.gyro, one.gyro, rtol=1e-12)
+        np.testing.assert_allclose(record.accel, one.accel, rtol=1e-12)
+        assert record.rate_hz == pytest.approx(100) and set(record.covariates) == {'temperature'}
+    with pytest.raises(InputError, match='no line has 2 in its column'):
+        open_record(path, fields=f'only={name}:2')
+    with pytest.raises(UsageError, match='only=COLUMN:VALUE'):
+        open_record(path, fields=f'only={name}')
+    path.write_text('\n'.join([f'{name},{lines[0]}'] + [f'1,{line}' for line in lines[1::2]]))
+    assert open_record(path).n == r.n       # of one sensor alone it says nothing
+
+
 @pytest.mark.parametrize('name', TABLES)
 def test_tables_of_others(name, tmp_path):
     """What other programs write is read as what it is, with its units."""

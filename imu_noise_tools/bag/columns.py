@@ -25,7 +25,7 @@ import re
 from .fields import Fields, known_table, TEMPERATURE_UNITS, TIME_UNITS
 from ..core.errors import InputError, listed, unknown, UsageError
 from ..core.record import AXES
-from ..core.units import INPUT, SI
+from ..core.units import SI, to_si
 
 #: units as names have them behind the sensor or the axis: gyro_rad[0], accel_x_m_s2, gx_dps
 IN_NAMES = {
@@ -61,11 +61,15 @@ STAMP = (
 ISO = re.compile(r'(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?'
                  r'\s*(?:Z|UTC|([+-]\d\d):?(\d\d))?')
 WARM = re.compile(r'(?:^|_)temp(?:erature)?(?:_|$)')
+#: tells the lines of several sensors apart: ArduPilot's I, an instance, a number of a device
+WHICH = re.compile(r'^(?:i|instance|(?:(?:imu|sensor|device|dev)_)?(?:id|instance)|imu|sensor)$')
 UNIT = re.compile(r'\s*[\[(](?!\d+[\])])([^\])]*)[\])]\s*$')
 ELEMENT = re.compile(r'(?:\[|\.0)([012])\]?$')       # of an array: gyro_rad[0], gyro_rad.00
 #: what is written for a unit, without spaces and ^
 WRITTEN = {'rads-1': 'rad/s', 'degs-1': 'deg/s', 'dps': 'deg/s', '°/s': 'deg/s',
-           'mdps': 'mdeg/s', 'm/s2': 'm/s^2', 'ms-2': 'm/s^2', 'm/s/s': 'm/s^2', 'm/s²': 'm/s^2',
+           'mdps': 'mdeg/s', 'deg/hr': 'deg/h', 'deg/hour': 'deg/h', '°/h': 'deg/h',
+           '°/hr': 'deg/h', 'dph': 'deg/h', 'µg': 'ug', 'μg': 'ug',
+           'm/s2': 'm/s^2', 'ms-2': 'm/s^2', 'm/s/s': 'm/s^2', 'm/s²': 'm/s^2',
            '°c': 'degC', 'degc': 'degC', 'c': 'degC', 'k': 'K'}
 #: of sensor_msgs/Imu, one number after another; names are ours where they are used
 ECHO = ('header.stamp.sec', 'header.stamp.nanosec', 'frame_id', *('orientation',) * 13,
@@ -83,7 +87,8 @@ class Columns:
     ``place`` is where ``t``, ``t_part``, ``gyro_x`` ... are among the columns, ``scale`` of those
     that need it (factor, what is added); ``units`` are those by sensor that are stated and not SI;
     ``text`` the columns that hold no numbers, ``dates`` those of them that hold times as ISO 8601
-    writes them; ``invalid`` as in :class:`~imu_noise_tools.bag.fields.Fields`, by places. Of a
+    writes them; ``invalid`` as in :class:`~imu_noise_tools.bag.fields.Fields`, by places;
+    ``which`` is where a column tells sensors apart, and ``only`` the one that is read. Of a
     table of ours (``own``) all are taken.
 
     """
@@ -97,6 +102,7 @@ class Columns:
     text: set[int] = field(default_factory=set)
     dates: set[int] = field(default_factory=set)
     invalid: tuple[tuple[str, str, int], ...] = ()
+    only: float | None = None
     first: list[str] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
     own: bool = False
@@ -161,12 +167,50 @@ def columns_of(path: Path, first: str, second: str, fields: Fields | None) -> Co
     found.first = [c.strip() for c in found.cells(second.rstrip('\r\n'))]
     found.text = {k for k, c in enumerate(found.first) if c and not _is_number(c)}
     found.dates = {k for k in found.text if ISO.fullmatch(found.first[k].strip('"'))}
-    fields = fields or known_table(found.names, path.stem)
-    if fields is None:
+    said = fields or Fields()
+    named = fields if said.gyro or said.accel else known_table(found.names, path.stem)
+    if named is None:
         _by_names(found)
     else:
-        _by_fields(found, fields)
+        _by_fields(found, named)
+    for each in (named, said):
+        if each is not None:
+            _beside_the_sensors(found, each)
+    _one_of_several(found, said)
     return found
+
+
+def _column(found: Columns, name: str) -> int:
+    """Return where the column of a name is; raise UsageError where there is none."""
+    for known in (found.names, [_plain(n) for n in found.names]):
+        if name in known:
+            return known.index(name)
+    raise unknown(f'column of {found.path.name}', name, found.names)
+
+
+def _beside_the_sensors(found: Columns, fields: Fields) -> None:
+    """Take the stamps and the temperature that are named."""
+    units = fields.units or {}
+    if fields.stamp:
+        found.place['t'] = k = _column(found, fields.stamp)
+        found.place.pop('t_part', None)
+        found.scale.pop('t', None)
+        _time_unit(found, 't', units.get('stamp') or _time_stated(found.names[k]))
+    if fields.temperature:
+        _temperature(found, _column(found, fields.temperature), units.get('temperature', ''))
+
+
+def _one_of_several(found: Columns, said: Fields) -> None:
+    """Find the column that tells sensors apart, and which of them is asked for."""
+    if said.only:
+        name, found.only = said.only
+        found.place['which'] = _column(found, name)
+        return
+    taken = set() if found.own else set(found.place.values())
+    which = [k for k, n in enumerate(found.names) if WHICH.search(_plain(n))
+             and k not in taken | found.text]
+    if len(which) == 1:
+        found.place['which'] = which[0]
 
 
 def _is_number(cell: str) -> bool:
@@ -243,13 +287,6 @@ def _by_names(found: Columns) -> None:
 def _by_fields(found: Columns, fields: Fields) -> None:
     """Find the columns that are named; raise UsageError for one that is not there."""
     plain = [_plain(n) for n in found.names]
-
-    def place(name: str) -> int:
-        for known in (found.names, plain):
-            if name in known:
-                return known.index(name)
-        raise unknown(f'column of {found.path.name}', name, found.names)
-
     units = fields.units or {}
     for sensor in SAMPLE:
         three = getattr(fields, sensor)
@@ -259,33 +296,28 @@ def _by_fields(found: Columns, fields: Fields) -> None:
             if not set(three) <= set(plain):
                 raise UsageError(f'invalid --fields {sensor}={element}',
                                  'of a table three columns, joined with +')
-        found.place |= {f'{sensor}_{c}': place(name) for c, name in zip('xyz', three)}
+        found.place |= {f'{sensor}_{c}': _column(found, name) for c, name in zip('xyz', three)}
         if three:
             unit = units.get(sensor) or _stated(found.names[found.place[f'{sensor}_x']])
             _unit(found, sensor, unit)
-    if fields.stamp:
-        k = place(fields.stamp)
-        found.place['t'] = k
-        _time_unit(found, 't', units.get('stamp') or _time_stated(found.names[k]))
-    else:
+    if not fields.stamp:
         _stamps(found, plain)
-    if fields.temperature:
-        _temperature(found, place(fields.temperature), units.get('temperature', ''))
     for sensor, name, value in fields.invalid:
-        found.place[f'?{name}'] = place(name)
+        found.place[f'?{name}'] = _column(found, name)
         found.invalid += ((sensor, f'?{name}', value),)
 
 
 def _unit(found: Columns, sensor: str, unit: str) -> None:
     """Take note of the unit of a sensor's columns."""
-    if unit not in INPUT[sensor]:
-        if unit:
-            found.said.append(f'the unit {unit} of {sensor} is not known: it was taken as '
-                              f'{SI[sensor]}')
+    try:
+        factor = to_si(sensor, unit or SI[sensor])
+    except UsageError:
+        found.said.append(f'the unit {unit} of {sensor} is not known: it was taken as '
+                          f'{SI[sensor]}')
         return
-    if unit != SI[sensor]:
+    if unit and unit != SI[sensor]:
         found.units[sensor] = unit
-        found.scale |= {a: (INPUT[sensor][unit], 0.0) for a in AXES if a.startswith(sensor)}
+        found.scale |= {a: (factor, 0.0) for a in AXES if a.startswith(sensor)}
 
 
 def _stamps(found: Columns, plain: Sequence[str]) -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+import math
 import re
 from typing import Any
 
@@ -24,7 +25,7 @@ import numpy as np
 from .container import Batch, Connection, Damaged, rows
 from .decode import ACCEL, ACCEL_COVARIANCE, Decoded, DOUBLES, GYRO, GYRO_COVARIANCE, IMU
 from ..core.errors import unknown, UsageError
-from ..core.units import ACCEL_UNITS, GYRO_UNITS
+from ..core.units import ACCEL_UNITS, GYRO_UNITS, SI, to_si
 
 #: unit to (factor, what is added): degC
 TEMPERATURE_UNITS = {'degC': (1.0, 0.0), 'K': (1.0, -273.15), 'mdegC': (1e-3, 0.0)}
@@ -62,6 +63,9 @@ class Fields:
         ``stamp`` that is a number needs its unit.
     invalid : tuple of (str, str, int)
         A sensor's samples are missing where this field has this value.
+    only : (str, float) or None
+        Of a table: the column that tells several sensors apart, and the value of the one that is
+        read.
 
     """
 
@@ -71,14 +75,16 @@ class Fields:
     units: Mapping[str, str] | None = None
     invalid: tuple[tuple[str, str, int], ...] = ()
     temperature: str = ''
+    only: tuple[str, float] | None = None
 
     @classmethod
-    def of(cls, text: str) -> Fields:
+    def of(cls, text: str, table: bool = False) -> Fields:
         """
         Return what is meant by a text as typed.
 
         ``gyro=PATH,accel=PATH,stamp=PATH,temperature=PATH``, each with ``:unit`` behind it where
-        it has another; three numbers are joined with ``+``.
+        it has another; three numbers are joined with ``+``. Of a ``table`` also
+        ``only=COLUMN:VALUE``, and what has a name that is known need not be named.
 
         Raises
         ------
@@ -93,24 +99,44 @@ class Fields:
             path, colon, unit = (x.strip() for x in value.partition(':'))
             if not equals or not path or name in found:
                 raise UsageError(f'invalid --fields {text}', HOW)
-            if name not in UNITS:
-                raise unknown('name in --fields', name, UNITS)
-            if colon and unit not in UNITS[name]:
+            known = [*UNITS, *(['only'] if table else [])]
+            if name not in known:
+                raise unknown('name in --fields', name, known)
+            if name == 'only' and not _is_number(unit):
+                raise UsageError(f'invalid --fields {text}', 'only=COLUMN:VALUE names the lines '
+                                 'of one sensor by a number in a column')
+            if colon and name in SI:
+                try:
+                    to_si(name, unit)
+                except UsageError as error:
+                    raise UsageError(f'unknown unit of {name} {unit}', error.remedy) from None
+            elif colon and name != 'only' and unit not in UNITS[name]:
                 raise unknown(f'unit of {name}', unit, UNITS[name])
             found[name] = path
             units |= {name: unit} if colon else {}
         vectors = {s: tuple(p.strip() for p in found[s].split('+'))
                    for s in ('gyro', 'accel') if s in found}
-        if not vectors or any(len(v) not in (1, 3) or not all(v) for v in vectors.values()):
+        by_name = table and bool({'stamp', 'temperature', 'only'} & set(found))
+        if not (vectors or by_name) or any(
+                len(v) not in (1, 3) or not all(v) for v in vectors.values()):
             raise UsageError(f'invalid --fields {text}', 'gyro and accel are one field, or three '
                              f'joined with +; {HOW}')
+        only = (found['only'], float(units.pop('only'))) if 'only' in found else None
         return cls(vectors.get('gyro', ()), vectors.get('accel', ()), found.get('stamp', ''),
-                   units, temperature=found.get('temperature', ''))
+                   units, temperature=found.get('temperature', ''), only=only)
 
     def scale(self, name: str) -> float:
         """Return the factor that turns a sensor's unit into SI."""
         unit = (self.units or {}).get(name)
-        return UNITS[name][unit] if unit else 1.0
+        return to_si(name, unit) if unit else 1.0
+
+
+def _is_number(text: str) -> bool:
+    """Tell whether a text is a number that a column can have."""
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 # PX4's own, since 2020: PX4/px4_msgs at a4a9864b3c, msg/SensorCombined.msg, SensorGyro.msg and

@@ -24,7 +24,7 @@ from .container import AT_LEAST, EXPANSION
 from .fields import Fields
 from .source import _refuse_what_cannot_be_read
 from ..core.clock import regular_rate, STAMPED_HZ
-from ..core.errors import InputError, UsageError
+from ..core.errors import InputError, listed, UsageError
 from ..core.record import AXES, ImuRecord, SENSORS
 
 NPZ_ARRAYS = (
@@ -40,6 +40,7 @@ NOW = (0.9e9, 5e9)
 USUAL = (8.0, 8000.0)       # Hz, of IMUs: three decades, so that one unit fits
 LONGEST_STEP = 1000.0   # s from stamp to stamp that an IMU may have
 MOST_BAD = 0.01             # of the lines of a .csv may be left out, as of samples
+MOST_SENSORS, LEAST_SHARE = 8, 0.01     # in one table, in turn; of the lines that each has
 CONTRADICTS = 0.01          # more than the clock of a stamp is off
 
 
@@ -97,7 +98,7 @@ def table_arrays(
                                  'leave it out')
             arrays, doubts = _read_npz(path)
         else:
-            arrays, columns = _read_csv(path, Fields.of(fields) if fields else None)
+            arrays, columns = _read_csv(path, Fields.of(fields, table=True) if fields else None)
             doubts = columns.said
             if units is not None:
                 units.update(columns.units)
@@ -227,7 +228,9 @@ def _stamps(
             'the stamps run backward' if np.nanmedian(np.diff(t)) < 0 else
             'the stamps do not advance')
         raise InputError(f'{path}: cannot determine the sample rate: {why}',
-                         'give it with --rate-hz')
+                         'give it with --rate-hz' + (
+                             ', or name the column of the stamps with --fields'
+                             if t is None and table_kind(path) == 'csv' else ''))
     if t is None and not rate_hz:
         said.append(
             f'no stamps: {rate:.6g} Hz is only what the file says; such labels are off by up to '
@@ -341,6 +344,7 @@ def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray],
     for name, (factor, more) in columns.scale.items():
         if name in found:
             found[name] = factor * found[name] + more
+    found = _of_one_sensor(columns, found)
     if 't_part' in found:
         found['t'] = found['t'] + found.pop('t_part')
     for sensor, name, value in columns.invalid:
@@ -354,6 +358,35 @@ def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray],
         if f'{sensor}_x' in found:
             arrays[sensor] = np.stack([found.pop(f'{sensor}_{c}') for c in 'xyz'], axis=1)
     return arrays | found, columns
+
+
+def _of_one_sensor(columns: Columns, found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """
+    Return the columns of the sensor that is asked for, of a table that holds several in turn.
+
+    Raise InputError where none is asked for, or there is none such.
+
+    """
+    if 'which' not in columns.place:
+        return found
+    which = found.pop('which')
+    values, often = np.unique(which[np.isfinite(which)], return_counts=True)
+    names = [f'{v:g}' for v in values[:MOST_SENSORS + 1]]
+    column = columns.names[columns.place['which']]
+    if columns.only is None:
+        several = 1 < len(values) <= MOST_SENSORS and np.all(values == np.rint(values)) and \
+            np.min(often) > LEAST_SHARE * len(which)
+        if several:
+            raise InputError(
+                f'{columns.path}: holds the samples of {len(values)} sensors, by its column '
+                f'{column}: {listed(names, MOST_SENSORS)}',
+                f'choose one with --fields only={column}:{names[0]}')
+        return found
+    mine = which == columns.only
+    if not mine.any():
+        raise InputError(f'{columns.path}: no line has {columns.only:g} in its column {column}',
+                         f'it has {listed(names, MOST_SENSORS)}')
+    return {n: x[mine] for n, x in found.items()}
 
 
 class _Bad:

@@ -27,8 +27,8 @@ G0 = 9.80665
 HOUR = 3600.0
 SI = {sensor: names['rate'] for sensor, names in _SI.items()}
 #: what samples may come in: factor to SI; :func:`to_si` knows counts as well
-GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG}
-ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0}
+GYRO_UNITS = {'rad/s': 1.0, 'deg/s': DEG, 'mdeg/s': 1e-3 * DEG, 'deg/h': DEG / HOUR}
+ACCEL_UNITS = {'m/s^2': 1.0, 'g': G0, 'mg': 1e-3 * G0, 'ug': 1e-6 * G0}
 INPUT = {'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS}
 
 _NUMBER = r'((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)'
