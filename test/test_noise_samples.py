@@ -178,6 +178,8 @@ def test_what_a_coarse_grid_hides_at_rest_is_told_as_it_is_in_motion(ratio, plac
         'N'].note
     assert 'coarser than the noise' in note and 'while the sensor moves' in note
     assert in_motion(axes['accel_y']) == 0.0
+    two = replace(axes['accel_x'], before=np.array([0.8, 1e4]))     # not one noise
+    assert in_motion(two) == pytest.approx(ratio * np.sqrt((0.25 + 1 / 12) / 100))
 
 
 @pytest.mark.thorough

@@ -82,7 +82,8 @@ def value_of(
         if parameter == 'N' and value is not None:
             moving = cast(NoiseProblem, state.problem).in_motion()
             if moving > value:
-                note = f'{note or "N"}; written is what it is in motion'
+                note = f'{note}; written is what it is in motion' if note else (
+                    'N of the coarse output is written as it is in motion')
                 value = moving
         values.append(np.nan if value is None else value)
         if note:

@@ -53,9 +53,11 @@ def _notes(evidence: Evidence, fit: Fit, changes: bool,
     if said := clipped(evidence):
         out.append(f'{said}: mean and level are wrong')
     if moving := in_motion(evidence):
-        out.append(f'rounded to steps that are coarser than the noise ({evidence.before[0]:.2g} '
-                   'of one): the level is that of the output with the mean where it is, and up to '
-                   f'{units.shown(moving, "{rate}/sqrt(Hz)", evidence.sensor)} while the sensor '
+        noise = float(evidence.before[0])   # more than half a step: it was not one noise
+        told = f' ({noise:.2g} of one)' if noise < HALF else ''
+        there = units.shown(moving, '{rate}/sqrt(Hz)', evidence.sensor)
+        out.append(f'rounded to steps that are coarser than the noise{told}: the level is that of '
+                   f'the output with the mean where it is, and up to {there} while the sensor '
                    'moves')
     if band:
         out.append(f'what changes the level in time is not heard from {band[0]:.3g} to '
@@ -117,7 +119,7 @@ def in_motion(evidence: Evidence) -> float:
     noise, freedom = evidence.before.tolist()
     # of more than half a step the output would not be coarse
     most = min(noise * np.exp(SURELY / np.sqrt(2 * max(freedom, 1e-9))), HALF)
-    return float(evidence.resolution * np.sqrt((max(most, noise)**2 + 1 / 12) * evidence.dt))
+    return float(evidence.resolution * np.sqrt((most**2 + 1 / 12) * evidence.dt))
 
 
 def narrowed_by_clipping(evidence: Evidence, fit: Fit) -> tuple[str, ...]:
