@@ -185,7 +185,7 @@ def test_bulk_equals_plain(data, frames, ros1, big, seed):
     np.testing.assert_array_equal(
         np.array(fast.values, '=f8').view(np.int64), slow.values.view(np.int64)
     )
-    assert fast.frame_id == slow.frame_id
+    assert fast.frame_id == slow.frame_id and fast.frames == slow.frames
 
 
 def batch_of(raw, type, encoding):
@@ -356,6 +356,22 @@ def test_mcap_without_summary_or_index(tmp_path, chunked):
     np.testing.assert_array_equal(bare.gyro, record.gyro)
     assert bare.warnings == ()
     assert [t.samples for t in topics(tmp_path / 'bare.mcap')] == [record.n]
+
+
+@pytest.mark.parametrize('other', ['imu_back', 'imu_behind', 'f'])
+@pytest.mark.parametrize('kind', ['.mcap', '.bag'])
+def test_two_sensors_that_send_on_one_topic_are_said(other, kind, tmp_path):
+    """They made one even record of twice the rate, and nothing was said of it."""
+    record = bad_input.still(30)
+    stamp = START + np.arange(record.n) * 10 ** 7
+
+    def block(k):
+        i = slice(k, k + 1)
+        return Block(stamp[i], stamp[i], record.gyro[i], record.accel[i], ('f', other)[k % 2])
+
+    write_bag(tmp_path / f'x{kind}', [block(k) for k in range(record.n)])
+    said = [w for w in open_record(tmp_path / f'x{kind}').warnings if 'several frames' in w]
+    assert len(said) == (other != 'f') and all(f'in turn (f, {other})' in w for w in said)
 
 
 def test_log_times_out_of_order(tmp_path):

@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .container import Batch, Progress
-from .decode import ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, VECTOR
+from .decode import (
+    ACCEL, ACCEL_COVARIANCE, decode, GYRO, GYRO_COVARIANCE, IMU, MOST_FRAMES, VECTOR
+)
 from .source import Bag
 from .tables import against_stamps, read_between
 from .topics import Choice, COVARIATES, covariates_of
 from ..core.clock import regular_rate
-from ..core.errors import InputError
+from ..core.errors import InputError, listed
 from ..core.record import ImuRecord, Memory
 
 NS = 1e-9
@@ -84,6 +86,7 @@ class Reader:
     def __init__(self, topic: str, type: str, memory: Memory, room: int = 0, warm: bool = False):
         self.topic, self.type = topic, type
         self.frame_id = ''
+        self.frames: list[str] = []         # that its messages name, one after the other
         self.unreadable = 0
         self.absent = [True, True]
         self.unnamed: set[str] = set()      # sensors that its messages are not meant to have
@@ -116,6 +119,9 @@ class Reader:
             width = len(self.columns._arrays['values'])
             self.columns.extend(stamp=found.stamp, receive=receive, values=found.values[:, :width])
         self.frame_id = self.frame_id or found.frame_id
+        if len(self.frames) < MOST_FRAMES:
+            new = [name for name in found.frames if name]
+            self.frames += new[1:] if new[:1] == self.frames[-1:] else new
 
 
 def _read(
@@ -272,6 +278,11 @@ def _part(bag: Bag, reader: Reader, said: list[str]) -> Part:
             f'{bag.path}: nothing of {reader.topic} can be recovered, it has no messages',
             'record again' if not bag.warnings else bag.warnings[0],
         )
+    names = sorted(set(reader.frames))
+    if len(names) < len(reader.frames):     # in turn; a new name for the rest is none of another
+        said.append(f'{reader.topic}: its messages name several frames in turn '
+                    f'({listed(names, 4)}): if each is a sensor, no value is that of one; record '
+                    'them on topics of their own')
     arrays = reader.columns.take()
     reader.columns.memory.rest()
     stamp, receive = arrays['stamp'], arrays['receive']

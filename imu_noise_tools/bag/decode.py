@@ -27,6 +27,7 @@ PRESSURE = 'sensor_msgs/msg/FluidPressure'
 
 # Doubles after the header.
 DOUBLES = {IMU: 37, VECTOR: 3, TEMPERATURE: 2, MAGNETIC: 12, PRESSURE: 2}
+MOST_FRAMES = 8     # names of them that are looked at
 # Where they are in an Imu: orientation, its covariance, then
 GYRO, GYRO_COVARIANCE = slice(13, 16), slice(16, 25)
 ACCEL, ACCEL_COVARIANCE = slice(25, 28), slice(28, 37)
@@ -36,8 +37,9 @@ class Decoded(NamedTuple):
     """
     Messages as arrays.
 
-    They are header stamps (ns), doubles (n, k), which of the batch could be read at all, and the
-    temperature (n,), degC, of messages that hold one.
+    They are header stamps (ns), doubles (n, k), which of the batch could be read at all, the
+    temperature (n,), degC, of messages that hold one, and the names of the frames one after the
+    other, the first few that differ from the one before, where they were looked at.
 
     """
 
@@ -46,6 +48,7 @@ class Decoded(NamedTuple):
     frame_id: str
     readable: np.ndarray        # (n of the batch,) bool
     temperature: np.ndarray | None = None
+    frames: tuple[str, ...] = ()
 
 
 def decode(batch: Batch, plain: bool = False) -> Decoded:
@@ -71,14 +74,16 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
     n = len(batch.receive)
     lengths = np.unique(batch.length)
     if not plain and len(lengths) == 1:
-        stamp, values, good = _bulk(batch, int(lengths[0]), count)
+        stamp, values, good, frames = _bulk(batch, int(lengths[0]), count)
         if good.all():
-            return Decoded(stamp, values, _frame(batch), good)
+            return Decoded(stamp, values, _frame(batch), good, frames=_one_after_other(frames))
     stamp, values, readable = np.zeros(n, np.int64), np.zeros((n, count)), np.zeros(n, bool)
+    names = np.full(n, '', object)
     if not plain:
         for length in lengths:
             some = np.flatnonzero(batch.length == length)
-            s, v, good = _bulk(batch.take(some), int(length), count)
+            s, v, good, frames = _bulk(batch.take(some), int(length), count)
+            names[some] = frames
             stamp[some[good]], values[some[good]] = s[good], v[good]
             readable[some[good]] = True
     seen = readable.copy()
@@ -87,19 +92,22 @@ def decode(batch: Batch, plain: bool = False) -> Decoded:
         found = _plain(batch.message(k), batch.connection, count)
         if found is not None:
             stamp[k], frame[k], values[k] = found
-            readable[k] = True
+            names[k], readable[k] = frame[k], True
     first = np.flatnonzero(readable)[:1]
     name = (
         ''
         if not len(first)
         else frame.get(int(first[0]), '') if not seen[first[0]] else _frame(batch.take(first))
     )
-    return Decoded(stamp[readable], values[readable], name, readable)
+    return Decoded(stamp[readable], values[readable], name, readable,
+                   frames=_one_after_other(names[readable]))
 
 
-def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _bulk(
+    batch: Batch, length: int, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """
-    Return stamps, doubles, and which messages have the expected bytes.
+    Return stamps, doubles, which messages have the expected bytes, and names of their frames.
 
     All of them are of one length.
 
@@ -108,7 +116,8 @@ def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray
     ros1 = batch.connection.encoding == 'ros1'
     n = len(batch.begin)
     if body < 16 or batch.connection.encoding not in ('ros1', 'cdr'):
-        return np.zeros(n, np.int64), np.zeros((n, count)), np.zeros(n, bool)
+        none = np.zeros(n, bool)
+        return np.zeros(n, np.int64), np.zeros((n, count)), none, np.full(n, '', object)
     raw = rows(batch.data, batch.begin, length)
     big = False if ros1 else bool(raw[0, 1] == 0)
     order = '>' if big else '<'
@@ -129,7 +138,26 @@ def _bulk(batch: Batch, length: int, count: int) -> tuple[np.ndarray, np.ndarray
         good &= np.all((raw[:, 16:body] < 128) | (np.arange(body - 16) >= name[:, None]), axis=1)
     seconds = head[:, 0].view(f'{order}u4' if ros1 else f'{order}i4').astype(np.int64)
     return (seconds * 1_000_000_000 + head[:, 1],
-            raw[:, body:].view(f'{order}f8'), good)
+            raw[:, body:].view(f'{order}f8'), good, _frames(raw[:, 16:body], name, good))
+
+
+def _frames(text: np.ndarray, length: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Return the names (n,), str, in bytes (n, k), each so long (n,); '' beyond a few, or none."""
+    out, left = np.full(len(text), '', object), np.flatnonzero(good)
+    for _ in range(MOST_FRAMES):
+        if not len(left):
+            break
+        size, first = int(length[left[0]]), text[left[0]]
+        same = (length[left] == size) & np.all(text[left, :size] == first[:size], axis=1)
+        out[left[same]] = first[:size].tobytes().rstrip(b'\0').decode(errors='replace')
+        left = left[~same]
+    return out
+
+
+def _one_after_other(names: np.ndarray) -> tuple[str, ...]:
+    """Return the first few of names (n,) that differ from the one before."""
+    new = np.flatnonzero(np.append(True, names[1:] != names[:-1])[:len(names)])[:MOST_FRAMES]
+    return tuple(names[new].tolist())
 
 
 def _frame(batch: Batch) -> str:
