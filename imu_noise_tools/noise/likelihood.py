@@ -10,6 +10,8 @@ restricted (REML) likelihood: each coefficient then counts by one less its lever
 samples tell of a parameter beyond the spectrum counts with it. Searched parameters move by Fisher
 scoring with Levenberg's damping.
 
+v is put together of what effects put into the bins (:mod:`~imu_noise_tools.noise.effect_spectra`).
+
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from typing import Any, cast
 import numpy as np
 from scipy.fft import dct
 
+from .effect_spectra import EffectSpectra
 from .evidence import Evidence
 from .explained import Bands, Explained
 from .kinds import (
@@ -32,19 +35,16 @@ from .kinds import (
     NoiseEffect,
     owners,
     Response,
-    responses_on,
     Spectrum,
-    together,
 )
 from .response import OpenResponse
 from .shared import own_power, spread
 from ..core.linear import inverse, inverse_of, least_squares, log_size, Solved
-from ..core.spectrum import asked, Bins, gathered, leaked, smooth
+from ..core.spectrum import Bins, smooth
 from ..loop.effect import Fit, Model, Parameter
 from ..loop.verdict import PRICE
 
 KEPT = 16  # points of a search at which the value is kept
-UNITS = 128  # spectra of effects and gains of responses that are kept of a part
 LINES = 4       # that are slow, the strongest, whose values are solved for beside a mean
 AT_BOUND = 1e-3     # share of the room of a shape, on the search scale, that is none
 SLOWEST = 1024      # coefficients, in which all is that a slow mean does
@@ -191,8 +191,7 @@ class Likelihood:
         self._last = np.zeros(0), np.zeros(0)
         self._known: np.ndarray | None = None
         self._columns: dict[tuple, Any] = {}
-        # what effects of some values put into the same bins, whatever else is in their model
-        self._units = evidence.units[part]
+        self._effects = EffectSpectra(evidence, part)
         self._pairs: dict[tuple, tuple] = {}
         self._values: dict[bytes, tuple[float, Linear, np.ndarray, dict[str, np.ndarray]]] = {}
         if self.means:
@@ -623,39 +622,18 @@ class Likelihood:
 
     def spectrum(self, model: Model, label: str) -> np.ndarray:
         """Return v (b,) of one effect of a model, as :meth:`spectra` has it."""
-        return self._spectrum(model[label], model)
+        return self._effects.spectrum(cast(Spectrum, model[label]), model)
 
     def _own(self, model):
         """Return :meth:`spectra` less what couplings miss of their sources."""
-        each = {e.label: self._spectrum(e, model) for e in model.of(Spectrum)}
+        total, each = self._effects.of_model(model)
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
-            return np.full(len(self.power), float(np.average(self.power, weights=self.weight))), {}
-        total = sum(each.values())
-        if any(r.leaks for r in model.of(Response)):
-            total = total + self._rounding(each)
-            total = total + leaked(total, self.bins)
+            total = np.full(len(self.power), float(np.average(self.power, weights=self.weight)))
         return total, each
 
     def _with_missed(self, total, model):
         return np.maximum(total + self.missed(model) if self._spreads else total, 1e-290)
-
-    def _rounding(self, each):
-        """
-        Return the power of the output's rounding (b,), none where a spectrum by label is that.
-
-        That happens behind the filter: where the filter leaves nothing, it is what is measured.
-
-        """
-        if any(np.any(each[e.label]) for e in self.model.of(Spectrum) if 'grid' in e.explains):
-            return 0.0
-        return self.evidence.remembered(('rounding', self.part_name), self._added_by_rounding)
-
-    def _added_by_rounding(self):
-        added = self.evidence.rounding
-        lags = 2 * np.pi * self.dt * np.arange(1, len(added))
-        return 2 * self.dt * np.maximum(
-            added[0] + 2 * np.cos(self.bins.f[:, None] * lags) @ added[1:], 0.0)
 
     def missed(self, model: Model) -> np.ndarray:
         """Return the power (b,) of a shared source that the couplings' channels miss."""
@@ -665,87 +643,6 @@ class Likelihood:
                 if channel in self._spreads:
                     out = out + e.values.get(name, 0.0) ** 2 * self._spreads[channel]
         return out
-
-    def _spectrum(self, effect, model):
-        """Return what one effect puts into the bins, as expected behind the sensor's responses."""
-        behind = responses_on(effect, model)
-        if effect.centre is not None:
-            return self._peak(effect, behind)
-        square, key, one = self._unit(effect)
-        if behind:
-            return square * gathered(one * self._gain2(behind, effect.flat), self.bins)
-        if not key:
-            return gathered(one, self.bins)
-        return square * self._kept((*key, ''), lambda: gathered(one, self.bins))
-
-    def _peak(self, effect, behind):
-        """Return what a peak puts into the bins, behind responses."""
-        own = effect.binned(self.bins)
-        return own * gathered(self._gain2(behind), self.bins) if behind else own
-
-    def _unit(self, effect):
-        """
-        Return (square, key, PSD (g,)) of an effect before any response: the PSD is of amplitude 1.
-
-        Power goes with the square of an amplitude: what else it depends on seldom moves, and is
-        kept by its key; without an amplitude there is none.
-
-        """
-        amplitude = effect.amplitudes
-        size = effect[amplitude[0]] if len(amplitude) == 1 else 0.0
-        if not size > 0:
-            return 1.0, (), self._psd(effect)
-        key = type(effect), *((k, v) for k, v in effect.values.items() if k != amplitude[0])
-        return size**2, key, self._kept(
-            key, lambda: self._psd(effect.with_values(**{amplitude[0]: 1.0})))
-
-    def _psd(self, effect):
-        """Return the PSD (g,) of an effect, with the colour that the samples show."""
-        at, colour = asked(self.bins), effect.colour(self.evidence, self.part_name)
-        psd = effect.psd(at, self.dt)
-        return psd if colour is None else psd * colour(at)
-
-    def _turned(self, model, own, moved, h):
-        """Return slopes (b, p) of what is behind a response, of what it is ``moved`` to by h."""
-        out = np.zeros((len(self.power), len(moved)))
-        alike: dict[tuple, list[Spectrum]] = {}
-        for e in (e for e in model.of(Spectrum) if own.acts_on(e)):
-            behind = responses_on(e, model)
-            key = *(r.label for r in behind), e.flat and any(r.scatters for r in behind)
-            alike.setdefault(key, []).append(e)
-        for (*_, flat), spectra in alike.items():
-            behind = responses_on(spectra[0], model)
-            here = self._gain2(behind, flat)
-            turn = np.stack([(self._gain2(behind, flat, up) - here) / h for up in moved], axis=1)
-            units = (self._unit(e) for e in spectra if e.centre is None)
-            smooth = sum((square * one for square, _, one in units), np.zeros(len(turn)))
-            out += gathered(turn * smooth[:, None], self.bins)
-            peaks = [e.binned(self.bins) for e in spectra if e.centre is not None]
-            if peaks:
-                out += np.sum(peaks, axis=0)[:, None] * gathered(turn, self.bins)
-        return out
-
-    def _gain2(self, responses, white=False, moved=None):
-        """
-        Return the squared gain (g,) of responses where :func:`gathered` wants it.
-
-        On white noise or other; one of them as ``moved`` where there is that.
-
-        """
-        at = asked(self.bins)
-        if moved is not None:
-            responses = [moved if r.label == moved.label else r for r in responses]
-        each = [r.gain2(at, self.dt) if r is moved else self._kept(
-            (type(r), *r.values.items()), partial(r.gain2, at, self.dt)) for r in responses]
-        return together(responses, each, at, self.dt, white)
-
-    def _kept(self, key, make):
-        """Return what was made for a key, or make it."""
-        if key not in self._units:
-            if len(self._units) > UNITS:
-                self._units.clear()
-            self._units[key] = make()
-        return self._units[key]
 
     def with_linear(self, model: Model, beta: np.ndarray) -> Model:
         """Return a model with solved parameters (p,) in it; those of couplings come first."""
@@ -804,7 +701,7 @@ class Likelihood:
         """Return d ln v / d x, (b, p)."""
         out = np.zeros((len(v), len(x)))
         model = self.with_search(x)
-        closed = {e.label: self._slopes(e, model) for e in model.of(Spectrum)}
+        closed = {e.label: self._effects.slopes(e, model) for e in model.of(Spectrum)}
         for j, slot in enumerate(self.slots):
             effect, name = model[slot.label], slot.parameter.name
             if isinstance(effect, OpenResponse):
@@ -816,40 +713,12 @@ class Likelihood:
             elif isinstance(effect, Spectrum) and name in closed[slot.label]:
                 out[:, j] = closed[slot.label][name] / v
             elif isinstance(effect, Spectrum):
-                out[:, j] = self._slope(x, j, model) / v
+                out[:, j] = self._effects.slope(effect, slot.parameter, x[j], model) / v
         for own in model.of(Response):
             of = [j for j, s in enumerate(self.slots) if s.label == own.label]
             if of and not isinstance(own, OpenResponse):
-                out[:, of] = self._response_slopes(x, of, own, model, each) / v[:, None]
-        return out
-
-    def _slopes(self, effect, model):
-        """Return d v/d x_j, (b,) each, of what a spectrum has in closed form, by name."""
-        slopes, behind = effect.slopes(self.bins), responses_on(effect, model)
-        if slopes and behind:
-            gain = gathered(self._gain2(behind), self.bins)
-            slopes = {name: slope * gain for name, slope in slopes.items()}
-        return slopes
-
-    def _slope(self, x, j, model, h: float = 1e-4) -> np.ndarray:
-        """Return d v/d x_j of a spectrum by central differences, (b,)."""
-        slot, own = self.slots[j], model[self.slots[j].label]
-        up, down = (self._spectrum(own.with_values(**{
-            slot.parameter.name: slot.from_search(x[j] + step)}), model) for step in (h, -h))
-        return (up - down) / (2 * h)
-
-    def _response_slopes(self, x, of, own, model, each, h: float = 1e-6) -> np.ndarray:
-        """
-        Return d v/d x_j (b, p) of a response: of its gain alone by differences upwards.
-
-        Power goes with the gain, and so does what leaks.
-
-        """
-        moved = [own.with_values(**{slot.parameter.name: slot.from_search(x[j] + h)})
-                 for j, slot in ((j, self.slots[j]) for j in of)]
-        out = self._turned(model, own, moved, h)
-        if any(r.leaks for r in model.of(Response)):
-            out += leaked(sum(each.values()) + self._rounding(each), self.bins, out)
+                at = [(self.slots[j].parameter, x[j]) for j in of]
+                out[:, of] = self._effects.response_slopes(own, at, model, each) / v[:, None]
         return out
 
     @cached_property
