@@ -23,8 +23,7 @@ from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of
 from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise import flexible, Inputs, shared
-from imu_noise_tools.noise import likelihood
+from imu_noise_tools.noise import flexible, Inputs, shared, slow_part
 from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
@@ -1211,11 +1210,11 @@ def test_what_is_smooth_is_the_same_at_a_quick_number_of_places(name):
         'slow_periodic': {'period': 55.0}, 'transient': {'tc': 3.0}}.get(name, {}))
     for part in ('whole', 'second'):
         view = Likelihood(evidence, part, model_of('noise', ('white',)).plus(effect))
-        quick = view.slow_columns(effect)
+        quick = view.slow.columns(effect)
         evidence.common.remembered.clear()
-        exact = view._slow_transform(view._in_part(effect.columns(
+        exact = view.slow.transformed(effect.columns(
             evidence.slow_inputs, **{p.name: effect[p.name] for p in effect.parameters
-                                     if not p.linear})))
+                                     if not p.linear}))
         error = np.sqrt(np.sum((quick - exact) ** 2, axis=0))
         assert np.all(error <= 2e-3 * np.sqrt(np.sum(exact**2, axis=0)))
 
@@ -1228,8 +1227,8 @@ def test_a_noisy_thermometer_read_ahead_has_one_mean():
     effect = find_effect('noise', 'temperature')().with_values(
         lag=-0.8, smoothing=0.05, read=0.0, slope=1e-2, curvature=-3e-3, cubed=2e-3, course=0.0)
     view = Likelihood(evidence, 'whole', model_of('noise', ('white',)).plus(effect))
-    solved = view.slow_columns(effect) @ [effect[p.name] for p in effect.parameters if p.linear]
-    known = view._slow_transform(effect.mean(evidence.even_inputs))
+    solved = view.slow.columns(effect) @ [effect[p.name] for p in effect.parameters if p.linear]
+    known = view.slow.transformed(effect.mean(evidence.even_inputs))
     assert np.sum((solved - known) ** 2) <= 1e-6 * np.sum(known ** 2)
 
 
@@ -1316,15 +1315,15 @@ def test_a_mean_that_is_known_stands_where_it_was_solved_for():
     problem = NoiseProblem(evidence_of(1e-3 * y, 1 / dt))
     fit = problem.point(model_of('noise', ('white', 'step')))
     evidence, step = problem.evidence, fit.model['step']
-    known = Likelihood(evidence, 'whole', fit.model, fit)._known
-    solved = Likelihood(evidence, 'whole', fit.model).slow_columns(step)[:, 0] * step['size']
+    known = Likelihood(evidence, 'whole', fit.model, fit).slow.known
+    solved = Likelihood(evidence, 'whole', fit.model).slow.columns(step)[:, 0] * step['size']
     assert np.max(np.abs(known - solved)) < 1e-9 * np.max(np.abs(solved))
 
 
-@pytest.mark.parametrize('lines', daily([0, likelihood.LINES], likelihood.LINES))
+@pytest.mark.parametrize('lines', daily([0, slow_part.LINES], slow_part.LINES))
 def test_a_line_that_was_measured_beside_a_step_leaves_nothing_there(lines, monkeypatch):
     """What the step has at the line's frequency went with it, and came back as a slow wave."""
-    monkeypatch.setattr(likelihood, 'LINES', lines)
+    monkeypatch.setattr(slow_part, 'LINES', lines)
     rng, n, dt = np.random.default_rng(33), 54_000, 0.01
     t = dt * np.arange(n)
     y = rng.standard_normal(n) + 0.5 * np.sin(2 * np.pi * 0.0403 * t) + 2.5 * (t >= 117.3)

@@ -735,7 +735,7 @@ def test_what_a_fit_explains_has_what_couplings_miss_of_their_sources(gain):
     likelihood = Likelihood(evidence, 'whole', model_of('noise', ('white',)).plus(
         type(shared)({k: shared[k] for k in ('source', 'other', 'heard')})))
     missed = np.full(len(likelihood.power), 1e-6)
-    likelihood._spreads = {c: missed for c in shared.channels(evidence)}
+    likelihood.channels.spreads = {c: missed for c in shared.channels(evidence)}
     x = np.array([np.log(1e-4)])
     nll, linear, v, _ = likelihood.value(x)
     assert np.all(v > 2 * likelihood.spectra(likelihood.with_search(x))[0])

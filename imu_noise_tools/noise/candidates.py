@@ -404,7 +404,7 @@ def _known(evidence: Evidence, fit: Fit) -> Details:
 
     """
     d = fit.details
-    missed = Likelihood(evidence, 'whole', fit.model, fit).missed(fit.model)
+    missed = Likelihood(evidence, 'whole', fit.model, fit).channels.missed(fit.model)
     heard = np.maximum(d.v - missed, LEFT * d.v)
     return replace(d, v=heard, power=d.power * heard / d.v)
 

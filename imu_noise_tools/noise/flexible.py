@@ -811,7 +811,7 @@ def _gains_free(evidence: Evidence, fit: Fit, effect: Coupling) -> tuple[float, 
     """
     view = Likelihood(evidence, 'whole', fit.model)
     v, w = fit.details.v, view.weight
-    cross, own = view.left_to(fit.model, v, effect.channels(evidence))
+    cross, own = view.channels.left_to(fit.model, v, effect.channels(evidence))
     bands, gain, free = Bands.on(view.bins), 0.0, 0
     for k in range(bands.count):
         some = bands.of == k

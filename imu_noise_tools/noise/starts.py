@@ -181,12 +181,12 @@ def _best_columns(likelihood, model, effect, options, finer):
     power = smooth(likelihood.power)
     slow = likelihood.slow_rest(model, power)
     known = [
-        likelihood.slow_columns(m) for m in model.of(Mean)
+        likelihood.slow.columns(m) for m in model.of(Mean)
         if m.label != effect.label and m.placed
     ]
-    proposed = [likelihood.slow_columns(o) for o in options]
+    proposed = [likelihood.slow.columns(o) for o in options]
     for again in range(2):
-        root = np.sqrt(2 * likelihood.dt / likelihood._fine(power))[:, None]
+        root = np.sqrt(2 * likelihood.dt / likelihood.slow.fine(power))[:, None]
         y, before = slow * root[:, 0], np.zeros((len(slow), 0))
         if known:
             before = _basis(np.concatenate(known, axis=1) * root)
@@ -202,9 +202,9 @@ def _best_columns(likelihood, model, effect, options, finer):
         basis = _basis(x)
         rest = (slow * root[:, 0] - basis @ (basis.T @ (slow * root[:, 0]))) / root[:, 0]
         power = _background(likelihood.bins, np.maximum(
-            likelihood._replaced(likelihood.power, likelihood._slow, rest), 1e-300))
+            likelihood.slow.replaced(likelihood.power, likelihood.slow.measured, rest), 1e-300))
         options = [*options, *more]
-        proposed += [likelihood.slow_columns(o) for o in more]
+        proposed += [likelihood.slow.columns(o) for o in more]
     chosen = _best_of_forms(options, gains, effect.anew)
     if not effect.anew and best[0] not in chosen:
         chosen = [*chosen[:COLUMNS - 1], best[0]]

@@ -364,7 +364,7 @@ def _missed(evidence: Evidence, model: Model, f: np.ndarray) -> np.ndarray | flo
     if not model.of(Coupling):
         return 0.0
     known = Likelihood(evidence, 'whole', Model(model.of(Coupling)))
-    return np.interp(f, known.bins.f, known.missed(model))
+    return np.interp(f, known.bins.f, known.channels.missed(model))
 
 
 def _fast(evidence: Evidence, fit: Fit, noise: Model, low: float) -> float | None:
@@ -853,7 +853,7 @@ def cross_correlation(evidence: Evidence, channel: str, fit: Fit | None,
     if fit is not None:
         if fit.model.of(Mean):
             known = Likelihood(evidence, part, fit.model, fit)
-            own, both = known.power, known.cross_less_known(channel)
+            own, both = known.power, known.slow.cross_less_known(channel)
         for e in fit.model.of(Coupling):
             for name, gain in e.gains(evidence):
                 both = both - gain * evidence.coupled(name, channel, part)

@@ -184,7 +184,7 @@ class _Fits:
         """Tell whether a mean differs from the best by no more than its readings leave open."""
         if not self.missed:
             return False
-        one, other = (f.likelihood.design(f.likelihood.model) @ _of_means(f)
+        one, other = (f.likelihood.slow.design(f.likelihood.model) @ _of_means(f)
                       for f in (found, self.best))
         return float(np.linalg.norm(one - other)) < self.missed * self.size
 
@@ -225,7 +225,7 @@ class _Fits:
                 if found is not None:
                     out.append((mean, found, (one + other) * np.exp(-0.5 * self._deviance(found))))
         total = sum(weight for *_, weight in out)
-        shown = self.best.likelihood.design(self.best.likelihood.model) @ _of_means(self.best)
+        shown = self.best.likelihood.slow.design(self.best.likelihood.model) @ _of_means(self.best)
         coarse = self.missed * self.size > COARSE * float(np.linalg.norm(shown))
         return [Way(mean, _linear(found), weight / total, coarse) for mean, found, weight in out]
 
