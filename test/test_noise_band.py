@@ -112,6 +112,18 @@ def test_no_band_stands_out_of(psd):
     assert not BAND().starts(problem.evidence)
 
 
+def test_two_lines_that_the_record_does_not_resolve_are_none():
+    """Nearly all of that is in a few coefficients: a band has as many levels as there are."""
+    n, rate = 25_600, 400.0
+    t = np.arange(n) / rate
+    beat = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in (
+        (2.2e-4, 4.2137, 2.5), (2.8e-4, 4.1988, 0.8)))
+    y = 1e-3 * np.random.default_rng(3).standard_normal(n) + beat
+    record = ImuRecord(np.column_stack([y, y, y]), None, t, rate)
+    evidence = gather(record, ['gyro_x'])['gyro_x']
+    assert find_effect('noise', 'band')().starts(evidence) == []
+
+
 def test_one_machine_of_a_known_form_keeps_its_name():
     """It is the band that is asked last."""
     rng = np.random.default_rng(6)

@@ -21,6 +21,7 @@ HIGH = 10.0     # times the power around it that a band has somewhere (a choice:
 CLEAR = 1.0     # standard errors above what is around it, to where it ends
 RARE = 1e-3     # in how many records of nothing it may gain as much
 MANY = 4        # that are looked for
+FEWEST = 8      # coefficients, in which nearly all of its power is: of fewer lines may be the cause
 POINTS = 1024   # of the rule by which its Allan variance is integrated
 NOTHING = 1e-9  # of its level, outside of it
 LAST = 0.01     # of the spectrum's end: what stands for what is above a band that ends there
@@ -189,7 +190,7 @@ def _bands(evidence: Evidence) -> list[tuple[float, float]]:
             continue
         own = _seen(evidence.whole, low, end) * bins.count
         first, last = band_of(own[inside], bins.f[inside])
-        if last <= OCTAVE * first:
+        if last <= OCTAVE * first and last - first > FEWEST / (2 * evidence.duration):
             out.append((float(np.max(over[a:b])), low, end))
     return [(low, end) for _, low, end in sorted(out, reverse=True)[:MANY]]
 
