@@ -1429,3 +1429,19 @@ def test_of_a_day_of_samples_one_knock_is_told_by_its_moment():
     after = problem.point(fit.model.plus(shock.effect))
     assert fall_of(problem.held_out(fit.model), problem.held_out(after.model),
                    [shock.effect]) > 1.5 * shock.gain
+
+
+def test_a_peak_has_the_form_that_it_has_beside_the_filter_of_the_other_noise():
+    """Behind a filter of another form it was told as another: 400 nats, which named a third."""
+    rng, n, rate, f0, width = np.random.default_rng([80, 0]), 120_000, 10.0, 0.571, 0.0467
+    own = lfilter(np.ones(13) / 13, 1, rng.standard_normal(n + 100))[100:]
+    own = own + 0.06 * rng.standard_normal(n)
+    r, theta = np.exp(-np.pi * width / rate), 2 * np.pi * f0 / rate
+    x = lfilter([1], [1, -2 * r * np.cos(theta), r * r], rng.standard_normal(n + 1002))[1000:]
+    swing = x[2:] - x[:-2]
+    evidence = evidence_of(1e-3 * (own + 0.25 * swing / np.std(swing)), rate)
+    fit = NoiseProblem(evidence).point(model_of('noise', ('white', 'narrowband', 'low_pass')))
+    peak, response = fit.model['narrowband'], fit.model['low_pass']
+    assert peak.chosen('form') == 'velocity' and response.chosen('form') == 'moving_average'
+    assert peak['width'] == pytest.approx(width, rel=0.1)
+    assert peak['frequency'] == pytest.approx(f0, rel=0.01)

@@ -101,7 +101,7 @@ class Anew(dict[tuple, Any]):
     """What was made, by what it was made for; it goes to another process as nothing."""
 
     def __reduce__(self) -> tuple:
-        """It is made anew there, and what it was made for may not be named there."""
+        """Return none: it is made anew there, where what it was for may have no name."""
         return Anew, ()
 
 

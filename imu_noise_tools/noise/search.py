@@ -13,7 +13,9 @@ import numpy as np
 
 from .descent import Known, minimise
 from .likelihood import Likelihood
-from .starts import begun_anew, entered_behind, most_promising, reddest, Start
+from .starts import (
+    begun_anew, entered_behind, most_promising, peaks_anew, reddest, Start
+)
 from ..loop.effect import Fit, Model
 from ..loop.verdict import PRICE
 
@@ -50,14 +52,22 @@ class Search:
         anew = self._anew(found)
         # own noise that is all white is white noise as well: the first holds where both do
         behind = self._best(entered_behind(found.likelihood, found.x), None, margin=PRICE)
-        return anew if behind is None else min(anew, self._anew(behind), key=lambda f: f.cost)
+        return anew if behind is None else min(
+            anew, self._anew(behind, changed=True), key=lambda f: f.cost)
 
-    def _anew(self, found: Found) -> Found:
-        """Return the best of a minimum and what responses begun anew reach, again from there."""
+    def _anew(self, found: Found, changed: bool = False) -> Found:
+        """
+        Return the best of a minimum and what responses begun anew reach, again from there.
+
+        Where a response has ``changed`` peaks are begun anew as well.
+
+        """
         tried: set[tuple[Model, bytes]] = set()
-        for _ in range(_ROUNDS):
-            begins = {(other.model, x0.tobytes()): (other, x0)
-                      for other, x0 in begun_anew(found.likelihood, found.x, _FORMS)}
+        for k in range(_ROUNDS):
+            begun = begun_anew(found.likelihood, found.x, _FORMS)
+            if k > 0 or changed:
+                begun += peaks_anew(found.likelihood, found.x)
+            begins = {(other.model, x0.tobytes()): (other, x0) for other, x0 in begun}
             # what began alike in a round before ends where it ended then
             better = self._best((v for k, v in begins.items() if k not in tried), found)
             tried |= begins.keys()

@@ -11,8 +11,8 @@ from typing import cast, TypeAlias
 import numpy as np
 
 from .kinds import (
-    Coupling, Defect, FILTERS, foreign, Mean, MEASURED, model_gain2, NoiseEffect, Parameter,
-    Response, Spectrum
+    Coupling, Defect, FILTERS, foreign, is_peak, Mean, MEASURED, model_gain2, NoiseEffect,
+    Parameter, Response, Spectrum
 )
 from .likelihood import Likelihood
 from ..core.errors import FitError
@@ -398,6 +398,24 @@ def entered_behind(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, n
                          for x0 in _with_amplitudes(other, model, (0.02,))]
                 begun += _of_each_form(found, x, model, passes).values()
                 out.append(min(begun, key=lambda z: z[0])[1:])
+    return out
+
+
+def peaks_anew(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.ndarray]]:
+    """
+    Return (likelihood, start) of each peak in the forms that it has not, all else as it is at x.
+
+    A form that was chosen behind a response of another form made up for what that did to it.
+
+    """
+    searched, out = {s.label for s in found.slots}, []
+    for peak in filter(is_peak, found.with_search(x)):
+        for p in peak.parameters if peak.label in searched else ():
+            for k in range(len(p.choices)):
+                if k != peak[p.name]:
+                    form = peak.with_values(**{p.name: float(k)})
+                    other = found.beside(found.model.with_effect(form))
+                    out.append((other, _carried(found, x, other)))
     return out
 
 
