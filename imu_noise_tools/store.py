@@ -35,7 +35,7 @@ from .loop.effect import Estimate, find_effect, Finding, Model, Parameter, regis
 from .loop.study import assess, Contrast, Step, Study
 
 FORMAT = 'imu_noise_study/1'
-NEWEST = 2      # of the evidence, raised where it means something else than before
+NEWEST = 3      # of the evidence, raised where it means something else or holds more than before
 EXPANSION, AT_LEAST = 200, 1 << 27      # evidence unpacks to no more times its size, or bytes
 ALIKE = 0.75        # of two names, from which one is meant by the other
 _VERSION = 'format'       # that of the evidence, among its arrays; of 1 it is not there
