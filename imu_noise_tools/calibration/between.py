@@ -243,21 +243,26 @@ def together(parts: list[Turns]) -> Turns:
 
 
 def integrated(turns: Turns, rates: np.ndarray) -> np.ndarray:
-    """Return the rotation from the body at each sample to that at its turn's start, (m, 3, 3)."""
+    """
+    Return the rotation from the body at each sample to that at its turn's start, (m, 3, 3).
+
+    Products of 1, 2, 4 ... steps up to each sample, by pairs of those before (Hillis and Steele,
+    Communications of the ACM 29, 1986): as many rounds as the longest turn has binary digits.
+
+    """
     step = turns.step[:-1, None]
     a, b = rates[:-1], rates[1:]
     turn = rotations(step * _means(turns, rates) + step ** 2 / 12 * np.cross(a, b))
     begin = begins(turns)
     length = np.diff(np.append(begin, len(rates)))
+    since = np.arange(len(rates)) - np.repeat(begin, length)    # samples from its turn's start
     out = np.broadcast_to(np.eye(3), (len(rates), 3, 3)).copy()
-    order = np.argsort(-length)             # the longest first: a step in all that still turn
-    begin, length = begin[order], length[order]
-    now = np.broadcast_to(np.eye(3), (turns.n, 3, 3)).copy()
-    for i in range(1, length.max(initial=1)):
-        count = int(np.searchsorted(-length, -i))
-        at = begin[:count] + i
-        now[:count] = now[:count] @ turn[at - 1]
-        out[at] = now[:count]
+    out[since > 0] = turn[since[1:] > 0]
+    reach = 1
+    while reach < length.max(initial=1):
+        at = np.flatnonzero(since > reach)      # of others the start is reached already
+        out[at] = out[at - reach] @ out[at]
+        reach *= 2
     return out
 
 
