@@ -92,6 +92,10 @@ class Parameter:
         return cls(name, '1', 0, len(names) - 1, log=False, discrete=True, title=title,
                    choices=names, formerly=formerly)
 
+    def others(self, value: float) -> list[float]:
+        """Return the choices that a value is not, as numbers; none where it is no choice."""
+        return [float(k) for k in range(len(self.choices)) if k != value]
+
     def number(self, value: Any) -> float:
         """
         Return a value as a number: that of a choice is the index of its name.

@@ -546,8 +546,8 @@ def _within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
             or _gain(evidence, fit, more, True) < CLEAR:
         return more
     forms = [p for p in peak.parameters if p.choices]
-    others = [_refitted(evidence, fit, type(peak)({p.name: float(k)}))
-              for p in forms for k in range(len(p.choices)) if k != peak[p.name]]
+    others = [_refitted(evidence, fit, type(peak)({p.name: k}))
+              for p in forms for k in p.others(peak[p.name])]
     return _best_within(evidence, fit, others, more)
 
 

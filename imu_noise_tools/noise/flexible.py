@@ -460,7 +460,7 @@ def _ways_to_hear(evidence: Evidence, fit: Fit, label: str) -> Iterator[Fit]:
     yield fit
     effect = fit.model[label]
     for p in (p for p in effect.parameters if p.name == 'heard'):
-        for other in (float(k) for k in range(len(p.choices)) if k != effect.values[p.name]):
+        for other in p.others(effect[p.name]):
             model = fit.model.with_values({label: {p.name: other}})
             if cast(Coupling, model[label]).channels(evidence):
                 view = Likelihood(evidence, 'whole', model, fit)

@@ -61,9 +61,9 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
                 **{s: v for s, v in shapes.items() if s not in e.anew}))
         elif begun:
             options = [known[e.label]]
-            options += [options[0].with_values(**{p.name: float(k)})
+            options += [options[0].with_values(**{p.name: k})
                         for p in e.parameters if _asked_again(e, p, model, given, anew)
-                        for k in range(len(p.choices)) if k != shapes[p.name]]
+                        for k in (p.others(shapes[p.name]) if p.choices else ())]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
@@ -411,11 +411,9 @@ def peaks_anew(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.nd
     searched, out = {s.label for s in found.slots}, []
     for peak in filter(is_peak, found.with_search(x)):
         for p in peak.parameters if peak.label in searched else ():
-            for k in range(len(p.choices)):
-                if k != peak[p.name]:
-                    form = peak.with_values(**{p.name: float(k)})
-                    other = found.beside(found.model.with_effect(form))
-                    out.append((other, _carried(found, x, other)))
+            for k in p.others(peak[p.name]):
+                other = found.beside(found.model.with_effect(peak.with_values(**{p.name: k})))
+                out.append((other, _carried(found, x, other)))
     return out
 
 
