@@ -21,10 +21,11 @@ from .evidence import Evidence
 from .kinds import Modulation, Response, Spectrum
 from ..core import units
 from ..core.clipped import ends_in_words, narrowed
+from ..core.statistics import TWO_SIDED
 from ..loop.effect import Estimate, Fit, Model
 
 CLIPPED = 1e-3  # share of the samples at an end of the range; less takes no thousandth from N
-SURELY, HALF = 1.96, 0.5  # standard deviations of 95 %; steps of noise on a coarse grid at most
+HALF = 0.5  # steps of noise on a coarse grid, at most
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
 SHARE = 0.5  # of a band's power, that white noise has where the band tells of it
@@ -118,7 +119,7 @@ def in_motion(evidence: Evidence) -> float:
         return 0.0
     noise, freedom = evidence.before.tolist()
     # of more than half a step the output would not be coarse
-    most = min(noise * np.exp(SURELY / np.sqrt(2 * max(freedom, 1e-9))), HALF)
+    most = min(noise * np.exp(TWO_SIDED / np.sqrt(2 * max(freedom, 1e-9))), HALF)
     return float(evidence.resolution * np.sqrt((most**2 + 1 / 12) * evidence.dt))
 
 

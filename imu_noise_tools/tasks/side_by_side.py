@@ -150,7 +150,7 @@ class _SideBySide:
                               tell=lambda kind, what: self._hear(target, kind, what))
         except StoppedError:
             raise InputError(f'{target}: the process that looks for what is missing was ended',
-                             'one at a time takes less memory: --jobs 1') from None
+                             'one at a time takes less memory: diagnose --jobs 1') from None
         finally:
             free.put(worker)
         with self.lock:
