@@ -122,7 +122,9 @@ def test_a_process_that_is_killed_is_told(monkeypatch):
     run = Worker.run
 
     def killed(self, *args, **more):
-        os.kill(self._process.pid, signal.SIGKILL)
+        self._process.kill()
+        self._process.join()
+        self.start = lambda: None   # a process that is seen to be gone is begun anew
         return run(self, *args, **more)
 
     monkeypatch.setattr(Worker, 'run', killed)
