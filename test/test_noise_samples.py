@@ -156,6 +156,11 @@ def test_the_noise_below_a_coarse_grid_is_told_by_its_levels(ratio, place):
     assert np.sqrt(np.mean(w / 2 * np.log(x) ** 2)) == pytest.approx(1, abs=0.2)
 
 
+def level_note(axis):
+    """Return what is said of the white noise of an axis."""
+    return NoiseProblem(axis).fit(model_of('noise', ('white',))).estimates['white']['N'].note
+
+
 @pytest.mark.parametrize('ratio, place, most', [
     (2.2, 0.5, 1.1), (6.0, 0.05, 1.1), (6.0, 0.3, 1.2), (6.0, 0.5, 1.6)])
 def test_what_a_coarse_grid_hides_at_rest_is_told_as_it_is_in_motion(ratio, place, most):
@@ -174,12 +179,27 @@ def test_what_a_coarse_grid_hides_at_rest_is_told_as_it_is_in_motion(ratio, plac
     error = ratio * np.round(moving / ratio) - np.linspace(0, 40 * ratio, N)
     true = np.std(error) / np.sqrt(100)
     assert 0.97 * true < in_motion(axes['accel_x']) < most * true
-    note = NoiseProblem(axes['accel_x']).fit(model_of('noise', ('white',))).estimates['white'][
-        'N'].note
+    note = level_note(axes['accel_x'])
     assert 'coarser than the noise' in note and 'while the sensor moves' in note
     assert in_motion(axes['accel_y']) == 0.0
     two = replace(axes['accel_x'], before=np.array([0.8, 1e4]))     # not one noise
     assert in_motion(two) == pytest.approx(ratio * np.sqrt((0.25 + 1 / 12) / 100))
+
+
+@pytest.mark.parametrize('place, most', [(0.05, 1.1), (0.1, 1.1), (0.3, 1.75)])
+def test_what_is_loud_for_a_part_does_not_hide_that_the_rest_is_coarse(place, most):
+    """What a machine moves over many levels is not the noise of the sensor."""
+    machine = (np.arange(N) > N // 2) & (np.arange(N) < N * 2 // 3)
+    y = noise(25) + 6.0 * place + np.where(machine, 20.0, 0.0) * noise(26)
+    record = ImuRecord(None, np.stack([6.0 * np.round(y / 6.0), y, noise(27)], 1),
+                       np.arange(N) / 100, 100.0)
+    axes = gather(record, ['accel_x', 'accel_y'])
+    true = np.sqrt((1 + 6.0**2 / 12) / 100)
+    assert 0.97 * true < in_motion(axes['accel_x']) < most * true
+    assert in_motion(axes['accel_y']) == 0.0
+    told = 'of one)' in level_note(axes['accel_x'])
+    limit = 6.0 * np.sqrt((0.5**2 + 1 / 12) / 100)
+    assert told == (in_motion(axes['accel_x']) < 0.999 * limit), 'what nothing tells is not given'
 
 
 @pytest.mark.thorough

@@ -367,6 +367,11 @@ def whole_runs(same: np.ndarray) -> np.ndarray:
     return np.diff(np.flatnonzero(np.concatenate([[True], ~same, [True]])))[1:-1]
 
 
+def stretches(y: np.ndarray) -> list[np.ndarray]:
+    """Return the stretches of y (n,) in each of which its noise is looked at by itself."""
+    return np.array_split(y, int(np.clip(len(y) // STRETCH, 1, STRETCHES)))
+
+
 def quiet_sigma(y: np.ndarray, step: float) -> tuple[float, float]:
     """
     Return the standard deviation of the fast part of y (n,) where it is quiet.
@@ -375,8 +380,7 @@ def quiet_sigma(y: np.ndarray, step: float) -> tuple[float, float]:
     as coarse.
 
     """
-    parts = np.array_split(y, int(np.clip(len(y) // STRETCH, 1, STRETCHES)))
-    noise = [robust_sigma(part) for part in parts]
+    noise = [robust_sigma(part) for part in stretches(y)]
     return float(np.quantile(noise, QUIET)), float(np.mean(step >= SHOWN * np.array(noise)))
 
 

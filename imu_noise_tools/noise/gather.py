@@ -33,7 +33,7 @@ from .lines import (
 )
 from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
-from .rounded import added_by_rounding, before_rounding, coarse, noise_before
+from .rounded import added_by_rounding, before_rounding, coarse, coarse_part, noise_before
 from .slower import as_measured, images_of_lines, Measured
 from .stairs import unrounded
 from .sweep import find_sweep, on_its_path, Sweep
@@ -43,7 +43,9 @@ from ..core import allan
 from ..core.clipped import at_ends
 from ..core.record import AXES, ImuRecord, MASKED, Memory, sensor_of
 from ..core.spectrum import Bins, bins_of, cosine_transform, power
-from ..core.statistics import grid_step, means_of_blocks, robust_sigma, sum_of_squares
+from ..core.statistics import (
+    grid_step, means_of_blocks, quiet_sigma, robust_sigma, sum_of_squares
+)
 from ..loop.effect import Effect, registry
 
 SLOW = 1 << 14  # block means kept (up to twice as many)
@@ -160,15 +162,18 @@ class _Gathering:
         own = self.own[axis]
         own['curve'] = allan.curve(y, self.dt, **curve)
         self.step(f'{axis}: Allan curve')
-        own['resolution'] = grid_step(y)[0]
+        own['resolution'] = step = grid_step(y)[0]
         own['clipped'] = self.clipped.get(axis, np.zeros((0, 2)))
         own.update(_power_of_looks(_looks(y, self.clean[axis], self.used), self.dt))
-        sigma = robust_sigma(y)
-        own['rounding'] = added_by_rounding(self.clean[axis][:self.used], own['resolution'], sigma)
-        if coarse(own['resolution'], sigma):
-            own['unrounded'] = before_rounding(self.clean[axis][:self.used], own['resolution'])
-            own['before'] = noise_before(self.clean[axis][:self.used], own['resolution'])
         self._listen(axis)
+        # what is loud for a part moves over levels on which the rest stands
+        clean, sigma = self.clean[axis][:self.used], quiet_sigma(y, step)[0]
+        quiet = coarse_part(clean, step) if coarse(step, sigma) else clean
+        own['rounding'] = added_by_rounding(quiet, step, sigma)
+        if coarse(step, sigma):
+            own['before'] = noise_before(quiet, step)
+        if coarse(step, robust_sigma(y)):
+            own['unrounded'] = before_rounding(clean, step)
         own['envelope'] = _envelope(y, self.dt)
         self.memory.rest()
 

@@ -26,6 +26,7 @@ from ..loop.effect import Estimate, Fit, Model
 
 CLIPPED = 1e-3  # share of the samples at an end of the range; less takes no thousandth from N
 HALF = 0.5  # steps of noise on a coarse grid, at most
+NOTHING = 0.01  # degrees of freedom that tell nothing of it
 APART = 1.25  # ratio of curve and model at 1 s from which it is said
 TIMES = 4096  # moments of a record at which its level is asked for
 SHARE = 0.5  # of a band's power, that white noise has where the band tells of it
@@ -54,8 +55,8 @@ def _notes(evidence: Evidence, fit: Fit, changes: bool,
     if said := clipped(evidence):
         out.append(f'{said}: mean and level are wrong')
     if moving := in_motion(evidence):
-        noise = float(evidence.before[0])   # more than half a step: it was not one noise
-        told = f' ({noise:.2g} of one)' if noise < HALF else ''
+        noise, most = _before_rounding(evidence)    # half a step: nothing tells how loud it was
+        told = f' ({noise:.2g} of one)' if most < HALF else ''
         there = units.shown(moving, '{rate}/sqrt(Hz)', evidence.sensor)
         out.append(f'rounded to steps that are coarser than the noise{told}: the level is that of '
                    f'the output with the mean where it is, and up to {there} while the sensor '
@@ -117,10 +118,15 @@ def in_motion(evidence: Evidence) -> float:
     """
     if not evidence.before.size:
         return 0.0
+    _, most = _before_rounding(evidence)
+    return float(evidence.resolution * np.sqrt((most**2 + 1 / 12) * evidence.dt))
+
+
+def _before_rounding(evidence: Evidence) -> tuple[float, float]:
+    """Return the noise before a coarse grid, in steps, and the upper end of its interval."""
     noise, freedom = evidence.before.tolist()
     # of more than half a step the output would not be coarse
-    most = min(noise * np.exp(TWO_SIDED / np.sqrt(2 * max(freedom, 1e-9))), HALF)
-    return float(evidence.resolution * np.sqrt((most**2 + 1 / 12) * evidence.dt))
+    return noise, min(noise * np.exp(TWO_SIDED / np.sqrt(2 * max(freedom, NOTHING))), HALF)
 
 
 def narrowed_by_clipping(evidence: Evidence, fit: Fit) -> tuple[str, ...]:

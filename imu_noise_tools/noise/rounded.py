@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import ndtr
 
-from ..core.statistics import grid_gain
+from ..core.statistics import grid_gain, robust_sigma, stretches
 
 MOST_BLOCKS, LENGTH = 256, 256  # at most, and samples of one at least
 SPANNED = 0.577  # steps of noise, after the rounding, that are half a step before it
@@ -39,6 +39,13 @@ _TIME = (np.arange(PIECES) + 0.5) / PIECES - 0.5    # of pieces about the middle
 def coarse(step: float, sigma: float) -> bool:
     """Tell whether noise, a standard deviation after the rounding, spans less than half a step."""
     return bool(step > 0 and sigma < SPANNED * step)
+
+
+def coarse_part(y: np.ndarray, step: float) -> np.ndarray:
+    """Return the samples (k,) of those stretches of y (n,) whose grid is :func:`coarse`; or all."""
+    parts = stretches(y)
+    kept = [part for part in parts if coarse(step, robust_sigma(part))]
+    return np.concatenate(kept) if 0 < len(kept) < len(parts) else y
 
 
 def told_by_grid(kept: Mapping[str, np.ndarray], n: int) -> float:
