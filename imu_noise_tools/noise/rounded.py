@@ -42,7 +42,7 @@ def coarse(step: float, sigma: float) -> bool:
 
 
 def coarse_part(y: np.ndarray, step: float) -> np.ndarray:
-    """Return the samples (k,) of those stretches of y (n,) whose grid is :func:`coarse`; or all."""
+    """Return the samples (k,) of the stretches of y (n,) whose grid is :func:`coarse`; or all."""
     parts = stretches(y)
     kept = [part for part in parts if coarse(step, robust_sigma(part))]
     return np.concatenate(kept) if 0 < len(kept) < len(parts) else y
