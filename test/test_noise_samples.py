@@ -782,12 +782,13 @@ def test_what_no_other_axis_hears_is_no_knock_but_a_burst_behind_a_filter(heard)
     assert SHOCK.statistics(y, replace(alone, axes=dead, axis='gyro_x')), 'they can hear nothing'
 
 
+@pytest.mark.parametrize('clear', [True, False])
 @pytest.mark.parametrize('hear', [0, 1, 2, 5])
-def test_what_an_axis_hears_faintly_where_several_others_hear_a_knock_is_one(hear):
+def test_what_an_axis_hears_faintly_where_several_others_hear_a_knock_is_one(hear, clear):
     """By itself it is a few samples that stand out, which pass for spikes."""
     rng, t = np.random.default_rng([28, hear]), np.arange(60.0)
     y, others = noise(rng), [noise(rng) for _ in range(5)]
-    begins = {4000: 60.0, 17000: 50.0, 23000: 4.5, 29000: 5.0, 33000: 0.0}
+    begins = {4000: 60.0 * clear, 17000: 50.0 * clear, 23000: 4.5, 29000: 5.0, 33000: 0.0}
     for i, size in begins.items():
         ring = np.exp(-t / 12) * np.sin(1.1 * t + 1)
         y[i:i + 60] += size * ring
@@ -796,10 +797,10 @@ def test_what_an_axis_hears_faintly_where_several_others_hear_a_knock_is_one(hea
     names = ('gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z')
     inputs = Inputs(np.arange(N) * 0.01, 0.01, axes=dict(zip(names, (y, *others))), axis='gyro_x')
     kept = _fainter(y, _loud(y, 0.01), inputs)
-    found = {i for i in begins if np.any((kept['begin'] <= i + 20) & (i < kept['end']))}
+    begin, end = (kept.get(k, np.zeros(0)) for k in ('begin', 'end'))
+    found = {i for i in begins if np.any((begin <= i + 20) & (i < end))}
     assert found == {i for i, size in begins.items() if size > (2.0 if hear > 1 else 20.0)}
-    assert np.all(np.diff(kept['begin']) > 0) and len(kept['begin']) == len(found)
-    assert not _fainter(y, {}, inputs), 'a knock of its own tells that there are any'
+    assert np.all(np.diff(begin) > 0) and len(begin) == len(found)
 
 
 def test_a_line_goes_on_through_what_is_loud():

@@ -13,7 +13,7 @@ mathematics only; fitting, scoring, pictures and export are derived from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any, ClassVar, TYPE_CHECKING, TypeAlias, TypeGuard
@@ -45,7 +45,7 @@ class Inputs:
     ``t`` s from the beginning of the record, ``dt`` the interval of the *samples*, ``covariates``
     (temperature in degrees Celsius ...) and the axes by name, all at ``t``; ``axis``: the name of
     that which is looked at; ``slower``: whether the sensor is, than its reader, so that its
-    values are sent again.
+    values are sent again. ``known`` is what was :meth:`remembered` of the record.
 
     """
 
@@ -55,6 +55,13 @@ class Inputs:
     axes: Mapping[str, np.ndarray] = field(default_factory=dict)
     axis: str = ''
     slower: bool = False
+    known: dict[Hashable, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what is made once of a record for all of its axes; later it is as it was then."""
+        if key not in self.known:
+            self.known[key] = make()
+        return self.known[key]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,8 @@
 """Shocks: knocks that ring and die out."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.fft import idct
@@ -14,7 +16,7 @@ from ..dying import lasting
 from ..evidence import Evidence
 from ..kinds import Defect, heard_by_all, Inputs, Parameter
 from ..lines import find_peaks, reference_spectrum, waves
-from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of
+from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of, TOLD
 from ..views import of_nats
 from ...core.spectrum import cosine_transform
 from ...core.statistics import (
@@ -94,7 +96,7 @@ class Shock(Defect):
         # what jumps between two levels or three is nothing like the noise that rings stand out of
         jumps = grid_step(y)[0] > COARSE * np.std(y)
         rings = NONE if jumps else _heard(_rings_in(y, inputs.dt), inputs)
-        out = _fainter(y, _dying_out(y, _loud(y, inputs.dt), inputs), inputs)
+        out = _fainter(y, _knocks(y, inputs), inputs)
         if out and np.sum(out['worth']) > np.sum(rings.worth):
             rings = NONE    # what rings is the less of it
         if len(rings.begin):
@@ -278,6 +280,11 @@ def _as_rings(kept: Mapping[str, np.ndarray], some: np.ndarray) -> Rings:
                  2 * np.pi * dt * kept['ring'][some], kept['decay'][some] / dt, worth, worth)
 
 
+def _knocks(y: np.ndarray, inputs: Inputs) -> dict[str, np.ndarray]:
+    """Return what is loud and no burst of noise or outliers; or nothing."""
+    return _dying_out(y, _loud(y, inputs.dt), inputs)
+
+
 def _loud(y: np.ndarray, dt: float) -> dict[str, np.ndarray]:
     """Return begin, end, size, decay, its relative error and worth of what is loud; or nothing."""
     loud = _loudness(y, dt)
@@ -451,34 +458,42 @@ def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
     Alone a faint one lasts for a few samples, that pass for spikes; where to look others say.
 
     """
-    own = _loudness(y, inputs.dt) if kept else None
+    own = _loudness(y, inputs.dt)
     if own is None:
         return kept
-    ratio, length = own[0], own[3]
-    heard = np.zeros(len(ratio), int)
-    for x in _others(inputs):
-        for begin, end in _loud_runs(x, inputs.dt, LASTS):
-            heard[begin:end] += end - begin <= max(LONGEST * len(ratio), LASTS)
-    for begin, end in zip(kept['begin'], kept['end']):
-        heard[int(begin) // length:int(end) // length + 1] = 0
+    length = own[3]
+    heard = np.zeros(len(own[0]), int)
+    for name, x in _others(inputs).items():
+        there = inputs.remembered((_knocks, name), partial(_knocks, x, replace(inputs, axis=name)))
+        for begin, end in _blocks(there, length):
+            heard[begin:end] += 1
+    for begin, end in _blocks(kept, length):
+        heard[begin:end] = 0
     runs = in_a_row(heard >= OTHERS).tolist()
-    found = [_measured(own, begin, end, inputs.dt, np.log(len(runs))) for begin, end in runs]
-    found = [one for one in found if one[-1] > FAINT]
-    more = np.reshape(found, (-1, len(KEPT))).T
-    order = np.argsort(np.append(kept['begin'], more[0]))
-    return {k: np.append(kept[k], x)[order] for k, x in zip(KEPT, more)}
+    ends = zip(('begin', 'end'), length * np.reshape(runs, (-1, 2)).T)
+    every = {k: np.append(x, kept.get(k, ())) for k, x in ends}
+    found = []
+    for (begin, end), (here, usual) in zip(runs, _beside_elsewhere(y, every)):
+        worth = -np.log(len(runs) * _chance(here, usual))
+        if worth > FAINT:
+            found.append((*_measured(own, begin, end, inputs.dt, 0.0)[:-1], worth))
+    if not found:
+        return kept
+    more = dict(zip(KEPT, np.transpose(found)))
+    order = np.argsort(np.append(kept.get('begin', ()), more['begin']))
+    return {k: np.append(kept.get(k, ()), x)[order] for k, x in more.items()}
 
 
-def _others(inputs: Inputs) -> list[np.ndarray]:
-    """Return the samples of other axes, as far as they are any."""
-    return [x for name, x in inputs.axes.items() if name != inputs.axis and np.ptp(x) > 0]
+def _blocks(kept: Mapping[str, np.ndarray], length: int) -> list[tuple[int, int]]:
+    """Return (begin, end) of the blocks, of so many samples, that loud stretches reach."""
+    return [(int(begin) // length, int(end - 1) // length + 1)
+            for begin, end in zip(kept.get('begin', ()), kept.get('end', ()))]
 
 
-def _loud_runs(y: np.ndarray, dt: float, least: int) -> list[tuple[int, int]]:
-    """Return (begin, end) of the blocks in which samples are far louder, so many in a row."""
-    loud = _loudness(y, dt)
-    return [] if loud is None else [
-        (i, j) for i, j in in_a_row(_far_louder(loud[0], loud[2])).tolist() if j - i >= least]
+def _others(inputs: Inputs) -> dict[str, np.ndarray]:
+    """Return the samples of other axes by name, as far as they are any."""
+    return {name: x for name, x in inputs.axes.items()
+            if name != inputs.axis and np.ptp(x) > 0}
 
 
 def _far_louder(ratio: np.ndarray, degrees: float) -> np.ndarray:
@@ -491,20 +506,41 @@ def _heard_by_others(kept: Mapping[str, np.ndarray], inputs: Inputs) -> np.ndarr
     others = _others(inputs)
     if not inputs.axis or len(others) < OTHERS:
         return None
-    chance = np.array([_as_loud(x, kept) for x in others])
+    chance = np.array([_as_loud(x, kept) for x in others.values()])
     return np.min(chance, axis=0) <= BY_CHANCE / chance.size
 
 
 def _as_loud(x: np.ndarray, kept: Mapping[str, np.ndarray]) -> list[float]:
     """Return what share of stretches elsewhere, of samples (n,), is as loud as each that is."""
+    return [float(np.mean(usual >= here)) for here, usual in _beside_elsewhere(x, kept)]
+
+
+def _beside_elsewhere(x: np.ndarray, kept: Mapping[str, np.ndarray],
+                      ) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield the variance of each stretch of samples (n,), and those (k,) of others as long."""
     stretches, inside = _stretches(kept, len(x))
-    rest, out = x[~inside], []
+    rest = x[~inside]
     for at in stretches:
         length = at.stop - at.start
         count = len(rest) // length
-        usual = np.var(rest[:count * length].reshape(count, length), axis=1)
-        out.append(float(np.mean(usual >= np.var(x[at]))))
-    return out
+        yield float(np.var(x[at])), np.var(rest[:count * length].reshape(count, length), axis=1)
+
+
+def _chance(here: float, usual: np.ndarray) -> float:
+    """
+    Return the chance of a variance as large, by those of the usual (k,).
+
+    Beyond the largest few of them it falls as a power does, and not faster than it does among
+    these (Hill, Annals of Statistics 3, 1975): noise of few outliers has such a tail.
+
+    """
+    top = np.log(np.sort(usual)[-TOLD - 1:])
+    if len(top) <= TOLD:
+        return 1.0
+    beyond = np.log(here) - top[0]
+    if not beyond > 0:
+        return float(np.mean(usual >= here))
+    return float(TOLD / len(usual) * np.exp(-beyond / np.mean(top[1:] - top[0])))
 
 
 def _each_whitened(y: np.ndarray, kept: Mapping[str, np.ndarray], dt: float,
