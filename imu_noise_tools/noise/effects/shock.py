@@ -467,9 +467,9 @@ def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
         there = inputs.remembered((_knocks, name), partial(_knocks, x, replace(inputs, axis=name)))
         for begin, end in _blocks(there, length):
             heard[begin:end] += 1
-    for begin, end in _blocks(kept, length):
-        heard[begin:end] = 0
-    runs = in_a_row(heard >= OTHERS).tolist()
+    known = _blocks(kept, length)
+    runs = [(i, j) for i, j in in_a_row(heard >= OTHERS).tolist()
+            if not any(begin < j and i < end for begin, end in known)]
     ends = zip(('begin', 'end'), length * np.reshape(runs, (-1, 2)).T)
     every = {k: np.append(x, kept.get(k, ())) for k, x in ends}
     found = []
