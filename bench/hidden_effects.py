@@ -32,7 +32,7 @@ sys.path[:0] = [str(TOP), str(TOP / 'test')]
 import hidden  # noqa: E402
 
 from imu_noise_tools.core.errors import ImuNoiseError  # noqa: E402
-from imu_noise_tools.loop.verdict import FALL, VERDICTS  # noqa: E402
+from imu_noise_tools.loop.verdict import FALL, NO_BETTER, VERDICTS  # noqa: E402
 from imu_noise_tools.tasks.noise import analyse_record  # noqa: E402
 
 
@@ -73,7 +73,7 @@ def one(job) -> dict:
         wrong = str(rng.choice([k for k in hidden.KNOWN if k != names[0]]))
         try:
             (step,) = study.add([wrong], ['gyro_x'])
-            out['wrong'] = wrong, round(step.fall, 1)
+            out['wrong'] = wrong, step.verdict not in NO_BETTER
         except ImuNoiseError:
             pass                                        # it does not apply to this record
     return out
@@ -178,8 +178,8 @@ def report(rows):
               dict(Counter((r['hidden'][0].name, v) for r in named for v in r['views'])))
         wrong = [r['wrong'] for r in named if 'wrong' in r]
         print('then a wrong one added, the error does not fall:',
-              share(fall <= FALL for _, fall in wrong),
-              dict(Counter(name for name, fall in wrong if fall > FALL)))
+              share(not falls for _, falls in wrong),
+              dict(Counter(name for name, falls in wrong if falls)))
     else:
         wrong = [r for r in rows if r['verdict'] not in VERDICTS]
         print('a wrong name:', share(r in wrong for r in rows))

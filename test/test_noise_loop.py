@@ -18,7 +18,7 @@ import pytest
 import hidden
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.health import Selection
-from imu_noise_tools.loop.verdict import FALL
+from imu_noise_tools.loop.verdict import BY_CHANCE, FALL
 from imu_noise_tools.tasks.noise import analyse_record
 
 AXIS = 'gyro_x'
@@ -173,3 +173,13 @@ def test_on_draws_never_seen(fresh_seed):
         if len(wrong) < 2:
             return
     pytest.fail('\n'.join(wrong))
+
+
+@pytest.mark.parametrize('seed', [7, 8])
+def test_what_is_not_there_lowers_the_error_no_more_than_chance(seed):
+    """A peak that chance makes is in both halves, at the place that the whole record has it."""
+    gyro = 1e-3 * np.random.default_rng([45, seed]).standard_normal((30_000, 3))
+    record = ImuRecord(gyro, None, np.arange(30_000) / 50, 50.0)
+    study = analyse_record(record, axes=('gyro_x',), keep_motion=True)
+    (step,) = study.add(['narrowband'], ['gyro_x'])
+    assert step.fall > FALL and step.verdict == BY_CHANCE

@@ -40,6 +40,14 @@ def test_what_an_error_did(before, after, fall, chance, said):
     assert verdict.change(before, after, fall, chance) == said
 
 
+@pytest.mark.parametrize('fall, said', [
+    (5.0, 'does not fall'), (12.0, 'falls no more than by chance'), (30.0, 'falls')])
+def test_an_error_falls_where_it_does_so_by_more_than_chance(fall, said):
+    """Chance does more where the data that were not fitted chose the place of what is fitted."""
+    assert verdict.change(0.5, 0.45, fall, False, 25.0) == said
+    assert (said in verdict.NO_BETTER) == (fall < 25)
+
+
 def test_what_fails_is_not_within_chance():
     """Four views, one of which fails by far: their mean is within chance, the model is not."""
     some = score(0.55, -0.15, -0.15, -0.15)

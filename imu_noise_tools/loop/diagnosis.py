@@ -16,6 +16,7 @@ from .prediction import State
 from .search import FROM_NOTHING, Search
 
 LISTED = 8  # candidates that are listed
+LITTLE = 0.01  # share of what fails that is next to nothing
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,8 @@ def diagnose(state: State, tried: Iterable[Finding] = ()) -> Diagnosis:
     """
     search = Search(state, tried)
     chain = [f for f in search.settled() if not _as_nothing(f)]
-    found = [f for f in chain if not f.against]
+    # what explains next to nothing by itself may raise an error that the others make
+    found = sorted((f for f in chain if not f.against), key=_explains_little)
     failed = failures(search.places.tests(state.model)) or beyond_chance(state.error)
     # what was confirmed but shares its probability is in the model when the rest is judged
     left = _remaining(search, search.places.model_of(chain))
@@ -96,7 +98,7 @@ def diagnose(state: State, tried: Iterable[Finding] = ()) -> Diagnosis:
     if not rivals and not failed and left is None:
         rivals = [f for f in search.refuted.values() if f.against.startswith(DOUBT)]
     said = rules.word(len(found), len(rivals), len(failed) + (left is not None))
-    ranked = _ranking(search, chain)
+    ranked = _ranking(search, chain, found)
     telling = left.failed if left and not found else failed
     advice = state.problem.advice(said, ranked, list(telling))
     if said == 'complete':
@@ -132,7 +134,12 @@ def _remaining(search: Search, model: Model) -> Remaining | None:
     return Remaining(tuple(failed), *weighed, nearest)
 
 
-def _ranking(search: Search, chain: list[Finding]) -> list[Finding]:
+def _explains_little(finding: Finding) -> bool:
+    """Tell whether what is found takes away less than LITTLE of what fails."""
+    return finding.explains is not None and finding.explains < LITTLE
+
+
+def _ranking(search: Search, chain: list[Finding], found: list[Finding]) -> list[Finding]:
     """
     Return the candidates: what was found, and the rest by probability.
 
@@ -141,7 +148,6 @@ def _ranking(search: Search, chain: list[Finding]) -> list[Finding]:
 
     """
     places, base = search.places, search.places.base
-    found = [f for f in chain if not f.against]
     refuted = [f if f.against.startswith(DOUBT) else replace(f, probability=0.0)
                for f in sorted(search.refuted.values(), key=lambda f: -surplus(f))]
     first = places.at(base)
@@ -150,7 +156,7 @@ def _ranking(search: Search, chain: list[Finding]) -> list[Finding]:
              if label(base, f) not in search.refuted]
     rest = sorted([*(f for f in chain if f.against), *refuted, *other],
                   key=lambda f: (f.gain <= f.penalty, -(f.probability or 0.0)))
-    out, seen = found, {f.name for f in found}
+    out, seen = found[:], {f.name for f in found}
     for f in rest:
         if f.name not in seen:
             out.append(f)

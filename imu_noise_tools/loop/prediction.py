@@ -71,6 +71,6 @@ def fall_of(before: Score, after: Score, effects: Iterable[Effect]) -> float:
     return fall + sum(before.muted[k].deviance - after.muted[k].deviance for k in muted)
 
 
-def fall_in_words(before: Score, after: Score, fall: float) -> str:
-    """Say whether the held-out deviance has fallen."""
-    return verdict.change(before.excess, after.excess, fall, after.within_chance)
+def fall_in_words(before: Score, after: Score, fall: float, least: float = verdict.FALL) -> str:
+    """Say whether the held-out deviance has fallen, by ``least`` at least."""
+    return verdict.change(before.excess, after.excess, fall, after.within_chance, least)

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from . import verdict as rules
 from .effect import Effect, Estimate, Finding, Fit, Model, Score, unfitted, View
 
 
@@ -69,6 +70,15 @@ class Problem(ABC):
     @abstractmethod
     def candidates(self, fit: Fit[Any]) -> list[Finding]:
         """Return what could be added to the model, best gain first."""
+
+    def falls_by_chance(self, effect: Effect) -> float:
+        """
+        Return the deviance by which an effect that is not there lowers the error by chance.
+
+        More where all the data chose its place: what is then fitted is not all that they told.
+
+        """
+        return rules.FALL
 
     def some_candidates(self, fit: Fit[Any],
                         wanted: Callable[[type[Effect]], bool]) -> list[Finding]:

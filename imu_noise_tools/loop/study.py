@@ -183,8 +183,9 @@ class Study:
 
     def _step(
         self, target: str, added: str | None = None, removed: str | None = None,
-        before: State | None = None, why: Iterable[Finding] = (),
+        before: State | None = None, why: Iterable[Finding] = (), found: bool = True,
     ) -> Step:
+        """Return a rung; what was not ``found`` but chosen must do more than chance may."""
         state = self.states[target]
         fall, verdict, contrast = None, 'start', None
         if before is not None:
@@ -194,7 +195,8 @@ class Study:
                 if not (e.label in before.model and e.label in state.model)
             ]
             fall = fall_of(before.error, state.error, changed)
-            verdict = fall_in_words(before.error, state.error, fall)
+            least = rules.FALL if found else max(map(before.problem.falls_by_chance, changed))
+            verdict = fall_in_words(before.error, state.error, fall, least)
             contrast = Contrast.of(before.error, state.error, changed)
         return Step(
             target,
@@ -271,7 +273,7 @@ class Study:
                 model = model.plus(find_effect(self.domain, name)())
             self.states[t] = assess(before.problem, model)
             steps.append(self._step(t, added='+'.join(names), before=before,
-                                    why=self._reasons(t, names)))
+                                    why=self._reasons(t, names), found=self._found(t, names)))
         self.history += steps
         self._forget(plan)
         return steps
@@ -403,6 +405,11 @@ class Study:
         d = self.diagnosis.get(target)
         known = {f.name: f for f in (*reversed(d.ranked), *reversed(d.found))} if d else {}
         return [known[n] for n in dict.fromkeys(names) if n in known]
+
+    def _found(self, target: str, names: Iterable[str]) -> bool:
+        """Tell whether the last diagnosis of a target found all of these effects."""
+        d = self.diagnosis.get(target)
+        return d is not None and set(names) <= {f.name for f in d.found}
 
     def _forget(self, targets: Iterable[str]) -> None:
         for t in targets:

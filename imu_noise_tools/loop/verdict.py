@@ -33,8 +33,8 @@ CHANCE = 2.0
 #: standard errors from which one place of a view is named or marked; by chance 1 in 370 is
 STRIKING = 3.0
 #: deviance (three nats) by which a held-out deviance must fall to be more than chance:
-#: an effect that is not there lowers it by as much in one case of a hundred and fifty
-#: (``python bench/hidden_effects.py --set one`` adds one that is not there)
+#: one that is not there, and whose place nothing looks for, lowers it by as much in one case of a
+#: hundred and fifty (``python bench/hidden_effects.py --set one`` adds one that is not there)
 FALL = 6.0
 #: nats by which a form must be better for each parameter more than an amplitude, so that of nested
 #: names with equal gain the simpler one has 0.92 of the probability: e^2.5/(1 + e^2.5)
@@ -66,7 +66,7 @@ MATERIAL = 0.05
 #: how what is said against one begins that shares its probability with others
 CANNOT_TELL = 'this record cannot tell it from'
 #: what an error does that says nothing for what was added
-NO_BETTER = RISES, NO_FALL = 'rises', 'does not fall'
+NO_BETTER = RISES, NO_FALL, BY_CHANCE = 'rises', 'does not fall', 'falls no more than by chance'
 VERDICTS = ('missing', 'complete', 'unknown', 'undecidable')
 
 
@@ -111,7 +111,7 @@ def side(within: bool, fails: bool) -> str:
     return 'beyond chance' if fails else 'within chance' if within else 'at the edge of chance'
 
 
-def change(before: float, after: float, fall: float, chance: bool) -> str:
+def change(before: float, after: float, fall: float, chance: bool, least: float = FALL) -> str:
     """
     Say what a held-out deviance did.
 
@@ -123,17 +123,19 @@ def change(before: float, after: float, fall: float, chance: bool) -> str:
         By how much the deviance fell in the views in which the change is judged.
     chance : bool
         Whether the error after is within chance.
+    least : float
+        By how much it must fall to be more than chance.
 
     """
     if not np.isfinite(fall):
         return 'not to be compared'
     if after > before:
-        if chance and fall > FALL:
+        if chance and fall > least:
             return 'within chance, predicts better'
         return RISES if abs(fall) > FALL and not chance else NO_FALL
-    if fall > FALL:
+    if fall > least:
         return 'falls to chance' if chance else 'falls'
-    return NO_FALL
+    return BY_CHANCE if fall > FALL else NO_FALL
 
 
 def sufficient(largest_ratio: float) -> bool:

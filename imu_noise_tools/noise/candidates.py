@@ -284,7 +284,7 @@ def _one(problem, fit: Fit, effect: NoiseEffect) -> Tried:
         float(partly if peak else whole) + bonus,
         added,
         more.estimates[label],
-        max(_penalty(effect), added.by_chance(evidence)) + _unlikely(more),
+        price_by_chance(added, evidence) + _unlikely(more),
         _view_of(effect),
         where,
         against=bound or added.part_of(more.model)
@@ -355,6 +355,11 @@ def hidden_by_steps(evidence: Evidence, model: Model, effect: Effect) -> str:
     size = float(np.std(effect.mean(evidence.slow_inputs)))
     return '' if size >= UNREAD * hides else (
         f'it is {size / hides:.2g} of what the steps hide in which that of {name} is read')
+
+
+def price_by_chance(effect: NoiseEffect, evidence: Evidence) -> float:
+    """Return what chance reaches of an effect as it is in the record of an axis, nats."""
+    return max(_penalty(effect), effect.by_chance(evidence))
 
 
 def _penalty(effect: NoiseEffect) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from . import classic, flexible, views
 from .candidates import (
     at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
-    Tried
+    price_by_chance, Tried
 )
 from .curve import model_curve
 from .differences import differences, without_rounding
@@ -253,6 +253,17 @@ class NoiseProblem(Problem):
         if fit.model not in self._candidates:
             self._candidates[fit.model] = candidates(self, fit)
         return list(self._candidates[fit.model])
+
+    def falls_by_chance(self, effect: Effect) -> float:
+        """
+        Return the deviance by which an effect that is not there lowers the error by chance.
+
+        Each half of what it gains in all by chance is predicted by the other: a fit to one half
+        begins, and of a place ends, where the whole record has it.
+
+        """
+        assert isinstance(effect, NoiseEffect)
+        return max(super().falls_by_chance(effect), 2 * price_by_chance(effect, self.evidence))
 
     def some_candidates(self, fit: Fit, wanted: Callable[[type[Effect]], bool]) -> list[Finding]:
         """Return the candidates of the kinds that are wanted, fitted without the others."""
