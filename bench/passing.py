@@ -26,8 +26,9 @@ sys.path[:0] = [str(TOP), str(TOP / 'test')]
 
 import hidden  # noqa: E402
 from imu_noise_tools.core.spectrum import cosine_transform  # noqa: E402
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum  # noqa: E402
+from imu_noise_tools.noise.line_search import find_peaks  # noqa: E402
 from imu_noise_tools.noise.passing import in_part  # noqa: E402
+from imu_noise_tools.noise.smooth import reference_spectrum  # noqa: E402
 
 DT, N = 0.01, 30_000
 T = DT * np.arange(N)

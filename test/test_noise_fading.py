@@ -15,7 +15,8 @@ from scipy.signal import lfilter
 from imu_noise_tools.core.spectrum import cosine_transform
 from imu_noise_tools.noise import fading
 from imu_noise_tools.noise.effects.narrowband import Narrowband
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum
+from imu_noise_tools.noise.line_search import find_peaks
+from imu_noise_tools.noise.smooth import reference_spectrum
 
 N, DT = 20_000, 0.01
 T = np.arange(N) * DT

@@ -20,10 +20,10 @@ from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.noise import views
 from imu_noise_tools.noise.effects.harmonics import _family_of, Harmonics
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.lines import (
-    also_in, find_peaks, line_penalty, reference_spectrum, sure
-)
+from imu_noise_tools.noise.line_search import find_peaks
+from imu_noise_tools.noise.lines import also_in, line_penalty, sure
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.smooth import reference_spectrum
 from imu_noise_tools.tasks.noise import analyse_record
 
 DT, N = 0.02, 90_000

@@ -18,8 +18,10 @@ from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.sinusoid import Sinusoid
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
-from imu_noise_tools.noise.lines import find_peaks, reference_spectrum, waves
+from imu_noise_tools.noise.line_search import find_peaks
+from imu_noise_tools.noise.lines import waves
 from imu_noise_tools.noise.passing import in_part, louder, Passing
+from imu_noise_tools.noise.smooth import reference_spectrum
 from imu_noise_tools.report.words import times_in_words
 from imu_noise_tools.tasks.noise import analyse_record
 

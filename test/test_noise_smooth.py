@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from imu_noise_tools.core.spectrum import line_basis
-from imu_noise_tools.noise import lines
-from imu_noise_tools.noise.smooth import smooth_level
+from imu_noise_tools.noise import heights, humps, line_families, lines
+from imu_noise_tools.noise.line_search import find_peaks
+from imu_noise_tools.noise.smooth import reference_spectrum, smooth_level
 
 DT = 0.02
 
@@ -38,8 +39,8 @@ def hump(x):
 def levels(c):
     """Return ln of the rough level and of the smooth one, and its variance, at each k >= 1."""
     n = len(c)
-    rough = lines.reference_spectrum(c, DT)
-    at, level, variance = smooth_level(c, rough, DT, lines._reach)
+    rough = reference_spectrum(c, DT)
+    at, level, variance = smooth_level(c, rough, DT)
     k = np.log(np.arange(1, n))
     return np.log(rough), np.interp(k, at, level), np.interp(k, at, variance)
 
@@ -80,7 +81,7 @@ def test_a_faint_line_of_a_short_record_is_not_lost_for_what_is_not_known_of_its
     for seed in range(12):
         c, level = drawn(np.random.default_rng([seed, 9]), n, plain)
         c = placed(np.random.default_rng(seed), c, level, (200, 900, bar + 1.5, 4000))
-        table = lines.find_peaks(c, lines.reference_spectrum(c, DT), DT)[0]
+        table = find_peaks(c, reference_spectrum(c, DT), DT)[0]
         found += len(table) >= 4
         more += len(table) > 4      # down to a nat less than is asked
     assert found >= 11 and more <= 1, (found, more)     # 6 and 0 of 12 above that of neighbours
@@ -91,11 +92,12 @@ def test_a_faint_line_of_a_short_record_is_not_lost_for_what_is_not_known_of_its
 def test_noise_reaches_what_is_asked_of_a_line_no_more_often_than_is_said(form, monkeypatch):
     """Once in twenty records instead of a thousand, so that some do."""
     asked = lines.line_penalty
-    monkeypatch.setattr(lines, 'line_penalty', lambda n, known=0: asked(n, known) - np.log(50))
+    for home in (heights, humps, line_families, lines):
+        monkeypatch.setattr(home, 'line_penalty', lambda n, known=0: asked(n, known) - np.log(50))
     rng, count, n = np.random.default_rng(8), 0, 9000
     for _ in range(100):
         c, _ = drawn(rng, n, form)
-        table = lines.find_peaks(c, lines.reference_spectrum(c, DT), DT)[0]
+        table = find_peaks(c, reference_spectrum(c, DT), DT)[0]
         count += bool(np.any(table[:, 3] ** 2 > 2 * lines.line_penalty(n)))
     assert count <= 11      # of 5 that are foretold: more are one in a hundred
 
@@ -105,5 +107,5 @@ def test_a_line_below_what_is_asked_is_none():
     for seed in range(6):
         c, level = drawn(np.random.default_rng([seed, 5]), n, plain)
         c = placed(np.random.default_rng(seed), c, level, [lines.line_penalty(n) - 3.5])
-        count += len(lines.find_peaks(c, lines.reference_spectrum(c, DT), DT)[0])
+        count += len(find_peaks(c, reference_spectrum(c, DT), DT)[0])
     assert not count

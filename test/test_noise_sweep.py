@@ -14,7 +14,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.noise.gather import whitened
-from imu_noise_tools.noise.lines import reference_spectrum
+from imu_noise_tools.noise.smooth import reference_spectrum
 from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
 from imu_noise_tools.tasks.noise import analyse_record
 

@@ -26,15 +26,15 @@ from . import shared
 from .blocks import block_power
 from .evidence import Common, course_beside, Evidence, Part, SQUARE
 from .fading import of_humps
+from .humps import fine_edges
 from .kinds import Defect, Inputs, NoiseEffect
-from .lines import (
-    also_in, find_peaks, fine_edges, MOST_LINES, NO_LINES, of_a_swing, PIECE, reference_spectrum,
-    ROUNDS, take_lines_out, waves
-)
+from .line_search import find_peaks, MOST_LINES, ROUNDS
+from .lines import also_in, NO_LINES, of_a_swing, PIECE, take_lines_out, waves
 from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse, coarse_part, noise_before
 from .slower import as_measured, images_of_lines, Measured
+from .smooth import reference_spectrum
 from .stairs import unrounded
 from .sweep import find_sweep, on_its_path, Sweep
 from .telegraph import levels

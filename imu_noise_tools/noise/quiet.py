@@ -16,7 +16,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from .explained import Bands
-from .lines import find_peaks, reference_spectrum, take_lines_out
+from .line_search import find_peaks
+from .lines import take_lines_out
+from .smooth import reference_spectrum
 from ..core.spectrum import Bins, bins_of, CORRECTED, cosine_transform
 from ..core.statistics import gamma_pull_exact, in_a_row
 

@@ -29,7 +29,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 from scipy.special import ndtr
 
-from .lines import reference_spectrum
+from .smooth import reference_spectrum
 from ..core.spectrum import cosine_transform
 from ..core.statistics import median_sigma
 

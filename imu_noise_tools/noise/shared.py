@@ -24,7 +24,7 @@ from scipy.fft import dct, idst
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.special import chdtri, polygamma
 
-from .lines import without_lines
+from .line_search import without_lines
 from ..core.linear import nonnegative
 from ..core.record import AXES
 from ..core.spectrum import Bins

@@ -7,7 +7,7 @@ A spectrum as smooth as the record asks for, from which faint lines are told.
 A level from the median of a few dozen neighbours is off by a tenth and more, and what stands
 eighteen nats above its level then seems to stand at fifteen or twenty: a line is lost, or more is
 asked of all. Of a sensor's noise the level changes over octaves, so that thousands of coefficients
-tell it; how many do, the record says.
+tell it; how many do, the record says. It begins from running medians, which no line pulls.
 
 """
 
@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple, SupportsFloat
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+
+from ..core.statistics import MEDIAN, median_of
 
 CLIP = 5.0  # times the level: what is higher is no noise's, and counts as that
 CLIPPED = 0.9549  # mean of a chi-squared of one degree of freedom that is clipped so
@@ -27,12 +29,77 @@ STIFF = 10.0 ** np.arange(5, -2, -1)  # weights of its roughness that are tried
 STEPS, STEP = 4, 3.0  # of Fisher's scoring for each, and the longest
 WIDE = 32  # coefficients on either side, at least, among which it is looked for what is no line
 PIECE = 1 << 15  # coefficients that are worked on at a time
-Reach = Callable[[int, int], SupportsFloat]
 BEYOND = 2.0  # standard errors from which what stands out there is the level
+CURVED = 256  # coefficients whose level is read from a parabola
 
 
-def smooth_level(c: np.ndarray, rough: np.ndarray, dt: float,
-                 reach: Reach) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def reach_at(k: np.ndarray | int, n: int) -> np.ndarray:
+    """Return how many coefficients on either side of k its level is taken from."""
+    # a filter may end at Nyquist as steeply as drift begins at zero
+    return np.clip(0.2 * np.minimum(k, n - k), 12, max(12, n // 100)).astype(int)
+
+
+def reference_spectrum(c: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return a smooth one-sided PSD at every k >= 1 from running medians, (n - 1,), unit^2/Hz.
+
+    Of cosine coefficients c (n,); lines and spikes in it do not show.
+
+    """
+    n = len(c)
+    centres = np.round(np.geomspace(1, n - 1, 400)).astype(int)
+    centres = np.unique(np.concatenate([centres, n - centres]))
+    values = np.empty(len(centres))
+    for i, (k, wide) in enumerate(zip(centres, reach_at(centres, n))):
+        some = c[max(1, k - wide):k + wide + 1]
+        if len(some) > 2048:
+            some = some[:: len(some) // 2048 + 1]
+        values[i] = median_of(2 * dt * some * some) / MEDIAN
+    at, level = np.log(centres), np.log(np.maximum(values, 1e-300))
+    level = _smoothed_below(CURVED, c, dt, centres, level)
+    out = np.empty(n - 1)
+    for i in range(0, n - 1, PIECE):
+        k = np.arange(i + 1, min(i + PIECE, n - 1) + 1)
+        out[i:i + PIECE] = np.exp(np.interp(np.log(k), at, level))
+    return out
+
+
+def _smoothed_below(top: int, c, dt, centres, level):
+    """
+    Return ln of the levels, those of the first centres from parabolas over ln k.
+
+    A few dozen neighbours are too few for a median, and more of them too far apart on a red
+    spectrum; a parabola over k/4 ... 4 k follows it. Ordinates far off the median do not pull it.
+
+    """
+    last = min(4 * top, len(c) - 1)
+    if last < 32:
+        return level
+    k = np.log(np.arange(1, last + 1))
+    rough = np.interp(k, np.log(centres), level)
+    seen = np.log(np.maximum(2 * dt * c[1:last + 1] ** 2, 1e-300))
+    seen = rough + np.clip(seen - rough, -5, 2.5) + 1.1395  # its mean for one degree of freedom
+    parabolas = _parabolas(tuple(centres[centres <= top].tolist()), last)
+    right = np.stack([columns @ seen[a:b] for a, b, columns in parabolas])
+    left = np.stack([columns @ columns.T for _, _, columns in parabolas])
+    out = level.copy()
+    out[centres <= top] = np.linalg.solve(left, right[:, :, None])[:, 0, 0]
+    return out
+
+
+@lru_cache(maxsize=4)
+def _parabolas(centres: tuple[int, ...], last: int) -> list[tuple[int, int, np.ndarray]]:
+    """Return [begin, end) of k - 1 around each centre, and 1, x, x^2 there, x = ln k/centre."""
+    log_k, out = np.log(np.arange(1, last + 1)), []
+    for centre in centres:
+        a, b = max(1, centre // 4) - 1, min(last, max(4 * centre, 32))
+        x = log_k[a:b] - log_k[centre - 1]
+        out.append((a, b, np.stack([np.ones(len(x)), x, x * x])))
+    return out
+
+
+def smooth_level(c: np.ndarray, rough: np.ndarray,
+                 dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Return ln k (b,) of some k, ln of a smooth one-sided PSD there, and the variance of that.
 
@@ -49,12 +116,9 @@ def smooth_level(c: np.ndarray, rough: np.ndarray, dt: float,
         A level that lines do not pull, at each k >= 1.
     dt : float
         Interval, s.
-    reach : callable
-        Of k and n, how far on either side of k a level may be taken for one. A function of a
-        module: what goes with it and n alone is worked out once.
 
     """
-    grid = _grid(len(c), reach)
+    grid = _grid(len(c))
     first, count = grid.first, grid.size
     fitted = np.log(_means(first, count, lambda _, a, b: rough[a - 1:b - 1]))
 
@@ -86,19 +150,19 @@ class _Grid(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _grid(n: int, reach: Reach) -> _Grid:
+def _grid(n: int) -> _Grid:
     """Return the bins of n coefficients, and a line with knots a reach apart."""
     first, u, k, at = [], [], 1, 0.0
     while k < n:
         # at the slow end a level is that of an octave
-        step = max(1.0, min(float(reach(k, n)), 0.2 * k))
+        step = max(1.0, min(float(reach_at(k, n)), 0.2 * k))
         width = min(max(1, int(step / FINE)), n - k)
         first.append(k)
         u.append(at + 0.5 * width / step)
         k, at = k + width, at + width / step
     basis = np.maximum(1 - np.abs(np.array(u)[:, None] - np.arange(np.ceil(u[-1]) + 1)), 0)
     return _Grid(np.array(first), np.diff([*first, n]),
-                 np.array([max(float(reach(k, n)), WIDE) for k in first]), basis,
+                 np.array([max(float(reach_at(k, n)), WIDE) for k in first]), basis,
                  np.diff(np.eye(basis.shape[1]), 2, axis=0))
 
 
