@@ -17,10 +17,10 @@ from scipy.signal import lfilter
 
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import find_effect, model_of
+from imu_noise_tools.noise.block_means import covariance_of_means
 from imu_noise_tools.noise.effects.shock import Shock
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.views import covariance_of_means
 from imu_noise_tools.tasks.noise import analyse_record
 
 N_WHITE = 1e-4      # rad/s/sqrt(Hz)

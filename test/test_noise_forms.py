@@ -24,6 +24,7 @@ from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import flexible, Inputs, shared, slow_part
+from imu_noise_tools.noise.block_means import time
 from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
@@ -34,7 +35,7 @@ from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
-from imu_noise_tools.noise.views import beside, p_value, time, variance
+from imu_noise_tools.noise.views import beside, p_value, variance
 
 BASE = ('white', 'flicker', 'random_walk')
 

@@ -17,7 +17,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.core.spectrum import cosine_transform, folded, line_coefficients
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.loop.prediction import fall_of
-from imu_noise_tools.noise import views
+from imu_noise_tools.noise import in_frequency
 from imu_noise_tools.noise.effects.harmonics import _family_of, Harmonics
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.line_search import find_peaks
@@ -426,8 +426,8 @@ def test_a_line_of_forty_nats_is_borne_out_by_each_half():
         assert row[4] == 0 and row[5] == (n if np.isscalar(on) else pytest.approx(n / 2, rel=0.05))
         base, line = model_of('noise', ('white',)), find_effect('noise', 'sinusoid')()
         fits = [problem.point(m) for m in (base, base.plus(line))]
-        sides.append([views.frequency(problem.evidence, part, fits[0]).deviance
-                      - views.frequency(problem.evidence, part, fits[1]).deviance
+        sides.append([in_frequency.frequency(problem.evidence, part, fits[0]).deviance
+                      - in_frequency.frequency(problem.evidence, part, fits[1]).deviance
                       for part in ('first', 'second')])
     assert min(sides[0]) > 10 and sides[1][0] > 20 and abs(sides[1][1]) < 1, sides
 

@@ -30,6 +30,7 @@ from imu_noise_tools.noise.effects.rate_quantization import RateQuantization
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum, _fainter, _loud
 from imu_noise_tools.noise.effects.spikes import _gain, _swing, Spikes
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.in_frequency import coherence
 from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
 from imu_noise_tools.noise.level import in_motion
 from imu_noise_tools.noise.likelihood import Likelihood
@@ -38,7 +39,6 @@ from imu_noise_tools.noise.rounded import (
     added_by_rounding, before_rounding, colour_of_turns, moved_by_rounding, turns_of_counts
 )
 from imu_noise_tools.noise.slower import as_measured, shown_first
-from imu_noise_tools.noise.views import coherence
 from imu_noise_tools.tasks.noise import analyse_record
 
 SPIKES, DUPLICATES, SHOCK = (

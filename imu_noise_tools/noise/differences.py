@@ -24,9 +24,9 @@ import numpy as np
 from scipy.special import fdtr, fdtrc, ndtri
 
 from .evidence import Evidence
+from .in_frequency import independent
 from .kinds import Coupling, Mean, Response, Spectrum
 from .likelihood import Likelihood
-from .views import independent
 from ..core.spectrum import Bins
 from ..core.statistics import TWO_SIDED
 from ..loop.effect import Estimate, Fit, Model

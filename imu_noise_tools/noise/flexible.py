@@ -20,11 +20,13 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from . import views
+from .block_means import block_means, BlockMeans, followed, root_of, slow_rest
 from .coupled import why_no_coupling
 from .course import left_by_a_course, PARAMETERS, spanned
 from .evidence import Evidence
 from .explained import Bands, gained
 from .fit import fit as fit_part
+from .in_frequency import independent
 from .kinds import (
     Coupling, Defect, is_peak, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, owners,
     Response, Spectrum
@@ -37,7 +39,7 @@ from .together import unlike_noise
 from .unswept import gained_beside
 from ..core.linear import inverse, SILENT
 from ..core.spectrum import band_of, OCTAVE
-from ..core.statistics import independent_squares, kurtosis_pull, means_of_blocks
+from ..core.statistics import gamma_pull, independent_squares, kurtosis_pull, means_of_blocks
 from ..loop.effect import Effect, Finding, Fit, Model, unfitted
 from ..loop.verdict import DIRECTED, FLEXIBLE, FLEXIBLE_SHARE, HEALED, PRICE
 
@@ -130,7 +132,7 @@ def spectrum_left(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray,
     view = Likelihood(evidence, 'whole', fit.model, fit)
     power = view.without_couplings(fit.model) if view.couplings else view.power
     v, _ = view.spectra(fit.model)
-    return view.bins.f, power / v, views.independent(evidence, fit.model, view.weight)
+    return view.bins.f, power / v, independent(evidence, fit.model, view.weight)
 
 
 def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
@@ -186,7 +188,7 @@ def asks_nothing(evidence: Evidence, fit: Fit) -> bool:
     power, count = (np.concatenate([[0.0], np.cumsum(z)]) for z in (x * w, w))
     while width <= len(x) // KNOTS:
         total, size = power[width:] - power[:-width], count[width:] - count[:-width]
-        if np.max(np.abs(views.gamma_pull(total / size, size))) >= QUIET_PULL:
+        if np.max(np.abs(gamma_pull(total / size, size))) >= QUIET_PULL:
             return False
         width *= 2
     return True
@@ -429,9 +431,9 @@ def _is_a_course(evidence: Evidence, fit: Fit, effect: Coupling) -> bool:
     it what is left passes for noise that they share.
 
     """
-    means, without = views.block_means(evidence, fit), fit.model.minus(effect.label)
+    means, without = block_means(evidence, fit), fit.model.minus(effect.label)
     count = len(means.y)
-    slow = views.slow_rest(evidence, without) - views.slow_rest(evidence, fit.model)
+    slow = slow_rest(evidence, without) - slow_rest(evidence, fit.model)
     told = means_of_blocks(slow, len(slow) // count)[:count]
     if not np.std(told) > 0:
         return False
@@ -477,7 +479,7 @@ def _not_normal(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling, claim
     if gain > max(FLEXIBLE, FLEXIBLE_SHARE * claim):
         return f'what it explains is not normal noise, by {gain:.0f} nats'
     # where a path is seen, or noise is louder at times, the model says that it is not normal
-    if not fit.model.of(Modulation) and not views.followed(evidence, fit):
+    if not fit.model.of(Modulation) and not followed(evidence, fit):
         gain = follows_a_law(octaves)
         if gain > FLEXIBLE:     # however strong: of few values it would be as clear
             return f'what it explains follows a law that is no noise\'s, by {gain:.0f} nats'
@@ -665,9 +667,9 @@ def _course(evidence: Evidence, fit: Fit, effect: Mean, claim: float) -> str:
     if [effect.label] != [*timed][-1:]:
         return ''
     spent = _spent(timed.values())
-    means = views.block_means(evidence, fit)
+    means = block_means(evidence, fit)
     others = means.columns[:, [k not in timed for k in ('', *owners(fit.model.of(Mean)))]]
-    left, words = left_by_a_course(means.t, means.y, others, views.root_of(means.covariance))
+    left, words = left_by_a_course(means.t, means.y, others, root_of(means.covariance))
     better = _unexplained(means, means.columns) - left
     more = PARAMETERS - spent
     least = PRICE * more if more < 0 else max(
@@ -739,7 +741,7 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     begun = Model((*alone.model, *fit.model.of(Mean)))
     rival = max(rival, fit_part(evidence, unfitted(rival.model), intervals=False, start=begun,
                                 basis=rival.details.hint), key=lambda f: f.log_likelihood)
-    means = views.block_means(evidence, rival)
+    means = block_means(evidence, rival)
     whose = np.append('', owners(rival.model.of(Mean)))
     left = _unexplained(means, means.columns)
     # it may do it all: where next to nothing is left to all of them, neither is it to one
@@ -764,26 +766,26 @@ def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
 
 def _gains_of_cosines(evidence: Evidence, fit: Fit) -> np.ndarray:
     """Return what cosines of each kind of SLOWLY gain, so many as FIRST says, (2, 3), nats."""
-    y, mean, free = _beside_cosines(views.block_means(evidence, fit))
+    y, mean, free = _beside_cosines(block_means(evidence, fit))
     before = _squares_left(y, mean)
     return before - np.array([
         [_squares_left(y, [*mean, *some[:k]]) for k in FIRST] for some in free])
 
 
-def _beside_cosines(means: views.BlockMeans) -> tuple[
+def _beside_cosines(means: BlockMeans) -> tuple[
         np.ndarray, list[np.ndarray], list[list[np.ndarray]]]:
     """Return means (k,), their columns, and slow cosines of each kind of SLOWLY, whitened."""
     count, own = len(means.y), means.columns.shape[1]
     u = (np.arange(count) + 0.5) / count
     slow = [slow_cosines(u, count, bool(kind)) for kind in range(len(SLOWLY))]
-    y, *columns = np.linalg.solve(views.root_of(means.covariance), np.column_stack(
+    y, *columns = np.linalg.solve(root_of(means.covariance), np.column_stack(
         [means.y, means.columns, *slow])).T
     return y, columns[:own], [columns[k:k + KNOTS] for k in range(own, len(columns), KNOTS)]
 
 
-def _unexplained(means: views.BlockMeans, columns: np.ndarray) -> float:
+def _unexplained(means: BlockMeans, columns: np.ndarray) -> float:
     """Return half the squares that columns (k, p) leave of block means, by their covariance."""
-    y, *columns = np.linalg.solve(views.root_of(means.covariance),
+    y, *columns = np.linalg.solve(root_of(means.covariance),
                                   np.column_stack([means.y, columns])).T
     return _squares_left(y, columns)
 
@@ -835,7 +837,7 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     e, model = evidence, fit.model
     if any((model.of(Mean), [d for d in model.of(Defect) if d.screens()])):
         return 0.0
-    without = views.slow_rest(e, model.minus(effect.label))
+    without = slow_rest(e, model.minus(effect.label))
     loud = np.sqrt(np.prod([np.ones(len(without)), *(
         m.variance(e.slow_t) for m in model.of(Modulation))], axis=0))
     # of a mean, divided by what steps, a step is left
@@ -844,7 +846,7 @@ def _shared_otherwise(evidence: Evidence, fit: Fit, effect: Coupling) -> float:
     if len(without) < 2 * some:
         return 0.0
     return unlike_noise(*(means_of_blocks((x - np.mean(x)) / loud, some) for x in (
-        without, without - views.slow_rest(e, model))))
+        without, without - slow_rest(e, model))))
 
 
 def uneven(differences: Differences) -> float:
@@ -893,8 +895,8 @@ def octaves_of(evidence: Evidence, fit: Fit, effect: Spectrum | Coupling) -> lis
             or any(s.jumps and s.bonus(e, fit) > 0 for s in model.of(Spectrum))
     if own:
         return []
-    rest, out = views.slow_rest(e, model), []
-    y = views.slow_rest(e, model.minus(effect.label)) - rest if isinstance(effect, Coupling) \
+    rest, out = slow_rest(e, model), []
+    y = slow_rest(e, model.minus(effect.label)) - rest if isinstance(effect, Coupling) \
         else rest - views.slow_mean(e, model)
     f = 1 / (2 * np.diff(e.slow_t[:2])[0])
     while len(y) >= 2 * FEWEST:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import classic, flexible, views
+from . import block_means, classic, flexible, in_frequency, views
 from .candidates import (
     at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
     price_by_chance, Tried
@@ -192,18 +192,18 @@ class NoiseProblem(Problem):
             return Score.of([self.whole.time(fit, 'even' if self.part == 'odd' else 'odd')])
         if self.part == 'whole':
             return Score.of(
-                [views.frequency(e, 'whole', fit, fitted_here=True), self.time(fit, 'odd')]
+                [in_frequency.frequency(e, 'whole', fit, fitted_here=True), self.time(fit, 'odd')]
             )
         # what acts on the samples and the mean was estimated on the whole: the fit that knows it
         # is the whole's
         whole = self.whole.point(unfitted(fit.model))
-        found = [views.frequency(e, self.part, fit, mean=whole),
+        found = [in_frequency.frequency(e, self.part, fit, mean=whole),
                  *views.of_samples(e, self.part, whole)]
         if self.part == 'second':  # these views have no fitted part that could be held out
             found += [
                 views.variance(e, fit),
                 views.distribution(e, fit),
-                views.coherence(e, whole),
+                in_frequency.coherence(e, whole),
             ]
         return Score.of(found)
 
@@ -212,7 +212,7 @@ class NoiseProblem(Problem):
         said = (e for e in fit.model if isinstance(e, Spectrum) or not isinstance(e, Defect))
         key = known, *said
         if key not in self._times:
-            self._times[key] = views.time(self.evidence, fit, known)
+            self._times[key] = block_means.time(self.evidence, fit, known)
         return self._times[key]
 
     def omnibus(self, fit: Fit) -> list[Finding]:
@@ -225,12 +225,12 @@ class NoiseProblem(Problem):
         e = self.evidence
         out = [flexible.smooth_misfit(e, fit), flexible.slow_misfit(e, fit), test_of(e.sweep)]
         for view in (
-            views.frequency(e, 'whole', fit, fitted_here=True),
+            in_frequency.frequency(e, 'whole', fit, fitted_here=True),
             self.time(fit, 'odd'),
             self.time(fit, 'even'),
             views.variance(e, fit),
             views.distribution(e, fit),
-            views.coherence(e, fit),
+            in_frequency.coherence(e, fit),
             *views.of_samples(e, 'whole', fit),
         ):
             if len(view.pull) and not view.muted:

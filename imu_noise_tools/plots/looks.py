@@ -19,7 +19,7 @@ from .panel import Curve, Panel, plain
 from .style import readable
 from ..core import units
 from ..loop.prediction import State
-from ..noise import views
+from ..noise import block_means, in_frequency, views
 from ..noise.kinds import Line, NoiseEffect, Portrait
 
 
@@ -100,7 +100,7 @@ def frequency(state: State) -> Panel:
             top = 0.5 * amplitude * line.share(e.duration) * np.sqrt(e.duration) / factor
             ends = np.array([top, 3e-5 * np.min(d.model)])
             lines.append(Curve(line.label, np.array([at, at]), ends, 'effect'))
-    view = views.frequency(e, 'whole', claiming.fit, fitted_here=True)
+    view = in_frequency.frequency(e, 'whole', claiming.fit, fitted_here=True)
     return Panel('frequency', 'frequency, Hz', 'Hz', view.x,
                  view.pull, f'noise density (two-sided), {readable(unit)}', 'xy', tuple(lines))
 
@@ -117,7 +117,7 @@ def time(state: State) -> Panel:
              Curve('block means', slow_t, (slow - mean) / factor, 'measured')]
     known = views.slow_mean(e, state.model)
     lines.append(Curve('model of the mean', e.slow_t, (known - np.mean(known)) / factor, 'model'))
-    both = [views.time(e, state.fit, known) for known in ('odd', 'even')]
+    both = [block_means.time(e, state.fit, known) for known in ('odd', 'even')]
     x, pull = (np.concatenate([getattr(v, k) for v in both]) for k in ('x', 'pull'))
     order = np.argsort(x, kind='stable')
     return Panel('time', 'time, s', 's', x[order], pull[order],
@@ -149,9 +149,9 @@ def distribution(state: State) -> Panel:
 def coherence(state: State) -> Panel:
     """Return what the axis shares with each other channel, frequency by frequency."""
     e = evidence_of(state)
-    view = views.coherence(e, state.fit)
+    view = in_frequency.coherence(e, state.fit)
     lines = []
     for channel in e.channels:
-        f, r, _ = views.cross_correlation(e, channel, state.fit)
+        f, r, _ = in_frequency.cross_correlation(e, channel, state.fit)
         lines.append(Curve(f'shared with {channel}', f, r, 'channel'))
     return replace(plain(view), curves=tuple(lines), y_title='correlation')

@@ -22,7 +22,7 @@ from ..health import MOTION_KEPT
 from ..loop.diagnosis import Diagnosis
 from ..loop.prediction import State
 from ..loop.study import Study
-from ..noise import views
+from ..noise import in_frequency
 from ..noise.kinds import Mean
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def target_figure(state: State, diagnosis: Diagnosis | None = None,
     upper = psd(figure.add_subplot(grid[0, 1]), state)
     upper.tick_params(labelbottom=False)
     upper.set_xlabel('')
-    view = views.frequency(evidence_of(state), 'whole', state.fit, fitted_here=True)
+    view = in_frequency.frequency(evidence_of(state), 'whole', state.fit, fitted_here=True)
     shade(upper, view.x, runs(view.pull))
     pulls(figure.add_subplot(grid[1, 1]), view.x, view.pull, label, 'frequency, Hz')
     below = figure.add_gridspec(1, 3, left=0.055, right=0.99, top=0.26, bottom=0.065, wspace=0.2)

@@ -9,13 +9,14 @@ from itertools import product
 import numpy as np
 from scipy.fft import dct, idct
 
+from ..block_means import slow_rest
 from ..dwells import both_ways, Levels, SHORTEST, two_levels
 from ..evidence import Evidence
 from ..kinds import (
     Drawing, Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
 )
 from ..lines import waves
-from ..views import slow_mean, slow_rest
+from ..views import slow_mean
 from ...core import gauss_markov
 from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit

@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..block_means import slow_rest
 from ..evidence import Evidence
 from ..kinds import Inputs, Mean, Parameter, Portrait
 from ..stairs import hidden, missed
 from ..thermal import COURSE, moved, POWERS, powers, readings, rows_of_readings, TEMPERATURE
-from ..views import slow_mean, slow_rest
+from ..views import slow_mean
 from ...core.statistics import means_of_blocks
 from ...loop.effect import Effect, Fit
 
