@@ -12,7 +12,7 @@ from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.loop.prediction import State
-from imu_noise_tools.noise import flexible
+from imu_noise_tools.noise import nameless
 from imu_noise_tools.noise.course import course, left_by_a_course
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
@@ -37,7 +37,7 @@ def said_of(mean, names, seed):
     record = record_of(mean, np.random.default_rng([seed, 41]))
     problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of('noise', (*BASE, *names)))
-    return flexible._course(problem.evidence, fit, fit.model[fit.model.labels[-1]], 30.0)
+    return nameless.course_instead(problem.evidence, fit, fit.model[fit.model.labels[-1]], 30.0)
 
 
 CREEPS = [np.log1p(U / 4e-4), 8 * U ** (1 / 3), np.log1p(U / 5e-3)]
@@ -87,7 +87,7 @@ def beside_a_knee(mean, rng):
     problem = NoiseProblem(gather(record_of(mean, rng), ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of(
         'noise', ('white', 'flicker', 'random_walk', 'slow_periodic', 'slow_periodic')))
-    return [flexible._beside_a_knee(problem.evidence, fit, label, 150.0)
+    return [nameless.beside_a_knee(problem.evidence, fit, label, 150.0)
             for label in fit.model.labels[3:]]
 
 
@@ -111,7 +111,7 @@ def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
     claim = next(f.gain for f in problem.candidates(problem.fit(model_of('noise', base)))
                  if f.name == 'drift')
     fit = problem.point(model_of('noise', (*base, 'drift')))
-    steepness, gain = flexible._gains_beside_a_knee(problem.evidence, fit, ['drift'])
+    steepness, gain = nameless._gains_beside_a_knee(problem.evidence, fit, ['drift'])
     assert 1.2 < steepness < 2 and 0 <= gain < claim
 
 

@@ -23,15 +23,15 @@ from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of
 from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
-from imu_noise_tools.noise import flexible, Inputs, shared, slow_part
+from imu_noise_tools.noise import flexible, Inputs, rivals, shared, slow_part
 from imu_noise_tools.noise.block_means import time
 from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, clear_of_less
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
-from imu_noise_tools.noise.flexible import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
+from imu_noise_tools.noise.normality import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
@@ -760,8 +760,8 @@ def test_noise_that_is_loud_at_times_draws_sharp_peaks_by_chance(swing):
                     for e in (peak, None))
     fit = replace(fit, model=fit.model.with_effect(peak))
     loud = np.mean(a**2) / np.mean(a) ** 2
-    assert flexible._loud_at_times(evidence, fit) == pytest.approx(loud, rel=0.1)
-    said = flexible.shape(evidence, fit, without, 'narrowband', 20.0)
+    assert rivals._loud_at_times(evidence, fit) == pytest.approx(loud, rel=0.1)
+    said = rivals.shape(evidence, fit, without, 'narrowband', 20.0)
     assert ('loud at times' in said) == (swing > 0), said
 
 

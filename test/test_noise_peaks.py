@@ -14,7 +14,7 @@ from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import find_effect, model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import PRICE
-from imu_noise_tools.noise import flexible, materiality, starts
+from imu_noise_tools.noise import flexible, materiality, rivals, starts
 from imu_noise_tools.noise.candidates import _one as tried
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
@@ -102,10 +102,10 @@ def test_what_is_fitted_to_every_bin_begins_where_the_fit_is(fan):
 def test_no_smooth_form_stands_in_a_sharp_peak_s_place(fan, monkeypatch):
     """What is left beside it is another's: of five peaks all fell for what the others had left."""
     fit = fan.point(model_of('noise', [*BASE, 'gauss_markov', *['narrowband'] * 3]))
-    monkeypatch.setattr(flexible, 'smooth_gain', lambda *_: 1e6)
+    monkeypatch.setattr(rivals, 'smooth_gain', lambda *_: 1e6)
     for e in (e for e in fit.model if e.name == 'narrowband'):
-        against = flexible.shape(fan.evidence, fit, fan.point(unfitted(fit.model.minus(e.label))),
-                                 e.label, 100.0)
+        against = rivals.shape(fan.evidence, fit, fan.point(unfitted(fit.model.minus(e.label))),
+                               e.label, 100.0)
         assert ('a smooth form' in against) != e.sharp, (e, against)
     assert {e.sharp for e in fit.model if e.name == 'narrowband'} == {False, True}
 
@@ -145,7 +145,7 @@ def test_a_line_that_stayed_at_few_places_is_restless(seed, stays, least, most):
         peak = 0.7 * np.cos(2 * np.pi * np.cumsum(speed) * DT)
     y = rng.standard_normal((n, 3))
     y[:, 0] += peak
-    assert least <= flexible._restless(problem_of(y).evidence, 9.0, 11.0) <= most
+    assert least <= rivals._restless(problem_of(y).evidence, 9.0, 11.0) <= most
 
 
 def test_of_two_forms_as_good_that_which_has_room_is_meant():

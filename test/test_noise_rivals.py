@@ -28,7 +28,9 @@ from imu_noise_tools.core.spectrum import Bins
 from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
-from imu_noise_tools.noise import candidates, flexible, shared, views
+from imu_noise_tools.noise import (
+    candidates, coupled, flexible, likelihood, nameless, normality, rivals, shared, views
+)
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.effects.low_pass import AVERAGED
 from imu_noise_tools.noise.effects.variance_change import TIMES, VarianceChange
@@ -267,7 +269,7 @@ def test_a_slow_mean_beside_a_spectrum_that_fails_is_asked_whether_the_noise_is_
     against = problem.shape(after, 'slow_periodic', swing.gain)
     assert (against == '') == holds, (swing, against)
     # asked for itself: such a swing may end at its bound as well
-    against = flexible.shape(problem.evidence, after, fit, 'slow_periodic', swing.gain)
+    against = rivals.shape(problem.evidence, after, fit, 'slow_periodic', swing.gain)
     assert (against == '') == holds and (holds or 'steepness' in against), against
 
 
@@ -288,7 +290,7 @@ def test_two_swings_that_hold_what_falls_with_the_cube_of_the_frequency_are_no_s
     one, both = (NoiseProblem(evidence).point(model_of('noise', x))
                  for x in (base, (*base, 'slow_periodic')))
     gain = both.details.ml - one.details.ml
-    against = flexible.shape(evidence, both, one, 'slow_periodic.2', gain)
+    against = rivals.shape(evidence, both, one, 'slow_periodic.2', gain)
     assert ('noise that falls with f^-3' in against) == redder and (redder or not against), against
 
 
@@ -329,8 +331,8 @@ def test_three_peaks_with_no_valley_between_them_are_one_shape():
         peaks = [cls({'frequency': 5.0 + apart * k, 'width': 0.5, 'form': 0.0, 'rms': 1e-5},
                      f'peak.{k}') for k in range(count)]
         fit = SimpleNamespace(model=Model(peaks))
-        runs = [flexible.joined(fit, e.label, DT) for e in peaks]
-        assert all((len(run) >= flexible.TOGETHER) == joined for run in runs)
+        runs = [rivals.joined(fit, e.label, DT) for e in peaks]
+        assert all((len(run) >= rivals.TOGETHER) == joined for run in runs)
         assert all(e.label in run and len(run) == (1 if apart > 1 else count)
                    for e, run in zip(peaks, runs))
 
@@ -455,12 +457,12 @@ def test_what_the_others_do_elsewhere_is_no_claim_of_a_notch(power):
     problem, fit = alone(SIZE * coloured(rng, power),
                          'white', 'flicker', 'random_walk', 'notch')
     without = problem.point(fit.model.minus('notch'))
-    assert flexible.shape(problem.evidence, fit, without, 'notch', 50.0)
+    assert rivals.shape(problem.evidence, fit, without, 'notch', 50.0)
     b, a = iirnotch(20.0, 2.0, fs=1 / DT)
     x = lfilter(b, a, rng.standard_normal(N)) + 0.05 * rng.standard_normal(N)
     problem, fit = alone(SIZE * x, 'white', 'notch')
     assert not problem.shape(fit, 'notch', 50.0)
-    assert flexible._own(problem.evidence, fit, 'notch') > 1000
+    assert likelihood.lost_without(problem.evidence, fit, 'notch') > 1000
 
 
 @pytest.mark.thorough
@@ -470,11 +472,11 @@ def test_popcorn_noise_spends_what_a_relaxation_does_unless_the_samples_tell(
     """Beside a pole it is two knees, of which one of any steepness does the work."""
     problem, fit = alone(SIZE * coloured(np.random.default_rng(4), 0.6),
                          'white', 'rts', 'low_pass')
-    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: 1.0)
+    monkeypatch.setattr(nameless, 'gained', lambda *_, **__: 1.0)
     monkeypatch.setattr(find_effect('noise', 'rts'), 'bonus', lambda *_: bonus)
     one = replace(fit, model=fit.model.with_values({'low_pass': {
         'form': 'first_order', 'averaged': 0.0, 'behind': 0.0, 'filters': 0.0}}))
-    said = flexible._knee(problem.evidence, one, one.model['low_pass'], 30.0)
+    said = nameless.knee_instead(problem.evidence, one, one.model['low_pass'], 30.0)
     assert ('which has no name' in said) == refuted, said
 
 
@@ -494,12 +496,12 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
     """A filter of own noise alone and a relaxation spend four, a knee that is as good three."""
     names = ('white', 'gauss_markov', 'low_pass')
     problem, fit = alone(SIZE * coloured(np.random.default_rng(3), 0.6), *names)
-    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: -1.0)
+    monkeypatch.setattr(nameless, 'gained', lambda *_, **__: -1.0)
     said = []
     for filters in (0.0, 1.0):
         one = replace(fit, model=fit.model.with_values({'low_pass': {
             'form': 'butterworth_2', 'averaged': 0.0, 'behind': 0.0, 'filters': filters}}))
-        said.append(flexible._knee(problem.evidence, one, one.model['low_pass'], 100.0))
+        said.append(nameless.knee_instead(problem.evidence, one, one.model['low_pass'], 100.0))
     assert not said[0] and '1 parameter less' in said[1], said
 
 
@@ -507,10 +509,10 @@ def test_what_is_optional_counts_where_it_is_used_beside_a_knee(monkeypatch):
 def test_a_filter_alone_is_named_where_it_is_as_good_as_a_knee(better, named, monkeypatch):
     """It may spend more parameters, of noise behind it and what it acts on; it has a name."""
     problem, fit = alone(SIZE * coloured(np.random.default_rng(3), 0.6), 'white', 'low_pass')
-    monkeypatch.setattr(flexible, 'gained', lambda *_, **__: better)
+    monkeypatch.setattr(nameless, 'gained', lambda *_, **__: better)
     one = replace(fit, model=fit.model.with_values({'low_pass': {
         'form': 'first_order', 'averaged': 0.0, 'behind': 0.01, 'filters': 1.0}}))
-    said = flexible._knee(problem.evidence, one, one.model['low_pass'], 100.0)
+    said = nameless.knee_instead(problem.evidence, one, one.model['low_pass'], 100.0)
     assert (not said) == named, said
 
 
@@ -526,7 +528,7 @@ def test_a_knee_that_does_something_else_is_no_rival_of_a_filter():
     rng = np.random.default_rng(35)
     x = averaged(rng) + 0.05 * coloured(rng, 1.0)
     problem, fit = alone(SIZE * x, 'white', 'low_pass')
-    assert not flexible._knee(problem.evidence, fit, fit.model['low_pass'], 300.0)
+    assert not nameless.knee_instead(problem.evidence, fit, fit.model['low_pass'], 300.0)
 
 
 @pytest.mark.thorough
@@ -546,38 +548,38 @@ def test_what_a_sweeping_line_outweighs_may_be_its_doing():
     sweep = np.array([50.0, 200.0, 0.0, 600.0, 1.0, 5.0])
     evidence = SimpleNamespace(sweep=sweep, duration=600.0, n=60_000, dt=0.01)
     filtered, peak = (find_effect('noise', k).example() for k in ('low_pass', 'narrowband'))
-    assert flexible.swept(evidence, filtered, 25.0)
-    assert not flexible.swept(evidence, filtered, 250.0)
+    assert rivals.swept(evidence, filtered, 25.0)
+    assert not rivals.swept(evidence, filtered, 250.0)
     for frequency, width, is_none in ((3.0, 1.0, True), (1.4, 1.0, False), (3.0, 4.5, False),
                                       (3.0, 1.5, False)):     # a machine that wanders
         one = peak.with_values(frequency=frequency, width=width)
-        assert bool(flexible.swept(evidence, one, 25.0)) == is_none
-        assert not flexible.swept(evidence, one, 250.0)
+        assert bool(rivals.swept(evidence, one, 25.0)) == is_none
+        assert not rivals.swept(evidence, one, 250.0)
     louder = find_effect('noise', 'variance_change').example()
-    assert flexible.swept(evidence, louder, 25.0) and not flexible.swept(evidence, louder, 250.0)
+    assert rivals.swept(evidence, louder, 25.0) and not rivals.swept(evidence, louder, 250.0)
     # nor noise that is nothing where it passes
     slow, f = find_effect('noise', 'gauss_markov').example(), np.geomspace(1e-3, 10, 50)
     evidence.whole = SimpleNamespace(bins=SimpleNamespace(f=f))
     for corner, is_none in ((0.05, False), (1.0, True)):
         fit = SimpleNamespace(details=SimpleNamespace(v=np.ones(50), each={
             'gauss_markov': 1 / (1 + (f / corner) ** 4)}))
-        assert bool(flexible.swept(evidence, slow, 25.0, fit)) == is_none
+        assert bool(rivals.swept(evidence, slow, 25.0, fit)) == is_none
     faint = SimpleNamespace(sweep=sweep * [0.1, 1, 1, 1, 1, 1], duration=600.0, n=60_000, dt=0.01)
-    assert not flexible.swept(faint, filtered, 25.0)
+    assert not rivals.swept(faint, filtered, 25.0)
     # what is nowhere but on its path, all along, is no peak there, whatever that explains
     along = SimpleNamespace(sweep=sweep * [1, 10, 1, 1, 1, 1], duration=600.0, n=60_000, dt=0.01)
     for frequency, is_none in ((3.0, True), (8.0, False)):
         one = peak.with_values(frequency=frequency, width=2.0)
-        assert bool(flexible.swept(along, one, 1e4)) == is_none
+        assert bool(rivals.swept(along, one, 1e4)) == is_none
     # what axes share it may do all along, on a path that is straight for a while
     shared_noise = find_effect('noise', 'shared_noise').example()
     late = SimpleNamespace(sweep=np.array([8.0, 200.0, 500.0, 600.0, 1.0, 5.0]), duration=600.0,
                            n=60_000, dt=0.01)
-    assert flexible.swept(late, shared_noise, 1000.0)
-    assert not flexible.swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
-    assert not flexible.swept(late, shared_noise, 1300.0)
-    assert not flexible.swept(evidence, shared_noise, 250.0)
-    assert not flexible.swept(late, filtered, 25.0)
+    assert rivals.swept(late, shared_noise, 1000.0)
+    assert not rivals.swept(late, peak.with_values(frequency=3.0, width=1.0), 0.5)
+    assert not rivals.swept(late, shared_noise, 1300.0)
+    assert not rivals.swept(evidence, shared_noise, 250.0)
+    assert not rivals.swept(late, filtered, 25.0)
 
 
 @pytest.mark.thorough
@@ -724,7 +726,7 @@ def test_a_chaotic_sway_is_neither_noise_that_axes_share_nor_a_relaxation(path, 
     for name in ('shared_noise', 'gauss_markov'):
         fit = problem.point(model_of('noise', ['white', name]))
         effect = fit.model[name]
-        assert ('law' in flexible._not_normal(problem.evidence, fit, effect, 1000.0)) != holds
+        assert ('law' in normality.not_normal(problem.evidence, fit, effect, 1000.0)) != holds
 
 
 def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_why(monkeypatch):
@@ -734,7 +736,7 @@ def test_what_is_shared_and_is_no_noise_loses_the_name_unless_the_model_knows_wh
     fits = [problem.point(model_of('noise', ['white', 'shared_noise', *more]))
             for more in ((), ('ramp',))]
     assert not any(problem.shape(fit, 'shared_noise', 100.0) for fit in fits)
-    monkeypatch.setattr(flexible, 'unlike_noise', lambda x, y: 10.0)
+    monkeypatch.setattr(coupled, 'unlike_noise', lambda x, y: 10.0)
     said = [problem.shape(fit, 'shared_noise', 101.0) for fit in fits]
     assert 'as no noise does' in said[0] and not said[1]
     assert not problem.shape(fits[0], 'shared_noise', 3000.0), 'a part of what it claims'
@@ -748,7 +750,7 @@ def test_what_is_shared_is_noise_though_all_axes_grow_louder():
     x = SIZE * (loud * (rng.standard_normal((n, 3)) + common) + [30.0, -20.0, 40.0])
     problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of('noise', ['white', 'variance_change', 'shared_noise']))
-    assert flexible._shared_otherwise(
+    assert coupled._shared_otherwise(
         problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
 
 
@@ -759,7 +761,7 @@ def test_what_is_shared_is_noise_though_all_axes_hold_samples_at_random():
     at = np.maximum.accumulate(np.where(rng.random(n) < 0.38, 0, np.arange(n)))
     problem = NoiseProblem(gather(ImuRecord(x[at], None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of('noise', ['white', 'duplicates', 'shared_noise']))
-    assert flexible._shared_otherwise(
+    assert coupled._shared_otherwise(
         problem.evidence, fit, fit.model['shared_noise']) < 0.5 * DIRECTED
 
 
@@ -964,7 +966,7 @@ def test_what_warms_up_together_is_no_coupling(slow):
     problem = NoiseProblem(gather(ImuRecord(gyro, accel, t, rate), ['gyro_x'])['gyro_x'])
     fit = problem.point(model_of('noise', ('white', 'flicker', 'random_walk', 'accel_coupling')))
     said = problem.shape(fit, 'accel_coupling', 300.0)
-    assert said == (flexible.COURSE_OF_AXES if slow == 'warm-up' else '')
+    assert said == (normality.COURSE_OF_AXES if slow == 'warm-up' else '')
 
 
 @pytest.mark.thorough
@@ -1055,9 +1057,9 @@ def test_a_coupling_claims_what_it_tells_beside_all_others(monkeypatch, free, ho
     problem = NoiseProblem(gather(ImuRecord(gyro, None, T, 1 / DT), axes=('gyro_x',))['gyro_x'])
     without, model = (model_of('noise', names) for names in (
         ('white', 'random_walk'), ('white', 'random_walk', 'shared_noise')))
-    monkeypatch.setattr(flexible, '_gains_free', lambda *_: (free, 13.0))
-    said = flexible.shape(problem.evidence, problem.point(model), problem.point(without),
-                          'shared_noise', 100.0)
+    monkeypatch.setattr(coupled, '_gains_free', lambda *_: (free, 13.0))
+    said = rivals.shape(problem.evidence, problem.point(model), problem.point(without),
+                        'shared_noise', 100.0)
     assert (not said) == holds, said
 
 
@@ -1071,11 +1073,11 @@ def test_a_gain_that_is_less_where_an_axis_is_noisier_is_one_gain(monkeypatch, f
     without, model = (model_of('noise', names) for names in (
         ('white', 'quantization'), ('white', 'quantization', 'shared_noise')))
     fit = problem.point(model)
-    gain, chance = flexible._gains_free(problem.evidence, fit, fit.model['shared_noise'])
+    gain, chance = coupled._gains_free(problem.evidence, fit, fit.model['shared_noise'])
     assert gain < chance and chance > FLEXIBLE      # many free gains reach more than eight
-    monkeypatch.setattr(flexible, '_gains_free', lambda evidence, fit, effect: (
+    monkeypatch.setattr(coupled, '_gains_free', lambda evidence, fit, effect: (
         free[int(effect['heard'])], 20.0))
-    said = flexible.shape(problem.evidence, fit, problem.point(without), 'shared_noise', 30.0)
+    said = rivals.shape(problem.evidence, fit, problem.point(without), 'shared_noise', 30.0)
     assert (not said) == holds, said
 
 
@@ -1093,7 +1095,7 @@ def test_a_source_that_axes_share_is_named_beside_the_rounding_of_their_angles()
 def test_no_form_of_the_spectrum_stands_for_samples_that_are_equal():
     held = registry('noise')['duplicates']()
     fit = SimpleNamespace(model={'duplicates': held})
-    assert flexible.shape(None, fit, None, 'duplicates', 1.0) == ''
+    assert rivals.shape(None, fit, None, 'duplicates', 1.0) == ''
 
 
 def test_a_line_raises_what_a_shaken_source_is_missed_by_at_its_own_place_alone():
@@ -1135,19 +1137,19 @@ def test_a_peak_on_a_line_of_few_stays_says_the_less(stays, form, least, most):
     bins = evidence.whole.bins
     fit = SimpleNamespace(model=Model([line, peak, far]), details=SimpleNamespace(
         each={e.label: e.binned(bins) for e in (line, peak, far)}))
-    assert least <= flexible._on_what_wanders(evidence, fit, peak) <= most
-    assert flexible._on_what_wanders(evidence, fit, far) == 1.0, 'beside it'
-    assert flexible._on_what_wanders(evidence, fit, line) == 1.0, 'it is what wanders'
+    assert least <= rivals._on_what_wanders(evidence, fit, peak) <= most
+    assert rivals._on_what_wanders(evidence, fit, far) == 1.0, 'beside it'
+    assert rivals._on_what_wanders(evidence, fit, line) == 1.0, 'it is what wanders'
 
 
 def test_samples_that_other_axes_hold_are_no_sign_against_what_they_share(monkeypatch):
-    monkeypatch.setattr(flexible, 'uneven', lambda some: 100.0 if some else 0.0)
+    monkeypatch.setattr(normality, 'uneven', lambda some: 100.0 if some else 0.0)
     rng, n = np.random.default_rng(54), 20_000
     x = SIZE * (rng.standard_normal((n, 3)) + 0.7 * rng.standard_normal((n, 1)))
     problem = NoiseProblem(gather(ImuRecord(x, None, T[:n], 1 / DT), ['gyro_x'])['gyro_x'])
     for more, holds in (((), False), (('duplicates',), True), (('ramp',), True)):
         fit = problem.point(model_of('noise', ['white', 'shared_noise', *more]))
-        said = flexible._not_normal(problem.evidence, fit, fit.model['shared_noise'], 100.0)
+        said = normality.not_normal(problem.evidence, fit, fit.model['shared_noise'], 100.0)
         assert ('not normal' in said) != holds
 
 
@@ -1161,7 +1163,7 @@ def test_filters_that_bend_noise_of_any_colour_to_its_form_give_it_no_name(power
     # with as many parameters the knee of one of the two is better still
     fits = 'better' if power == 1 else 'as well'
     without = problem.point(fit.model.minus('low_pass'))
-    said = flexible.shape(problem.evidence, fit, without, 'low_pass', 50.0)
+    said = rivals.shape(problem.evidence, fit, without, 'low_pass', 50.0)
     assert f'which has no name, fits {fits}' in said
     # it lets more pass than may arise behind it: that this lies at its bound says nothing
     some = fit.model['low_pass']
@@ -1224,7 +1226,7 @@ def test_of_two_peaks_of_one_shape_the_weaker_falls_whichever_was_found_first(fi
     power = {e.label: np.full(3, e.values.get('rms', 0.0)) for e in model}
     evidence = SimpleNamespace(whole=SimpleNamespace(bins=SimpleNamespace(count=np.ones(3))))
     fit = SimpleNamespace(model=model, details=SimpleNamespace(each=power))
-    said = [e.part_of(flexible._stronger(evidence, fit, e.label)) for e in model.effects[1:]]
+    said = [e.part_of(rivals._stronger(evidence, fit, e.label)) for e in model.effects[1:]]
     assert [bool(x) for x in said] == [first, not first]
 
 
@@ -1242,10 +1244,10 @@ def test_a_peak_explains_what_it_does_where_the_fit_without_it_rests_on_every_bi
     fit, without = (problem.point(model_of('noise', names)) for names in (
         [*base, 'narrowband'], base))
     assert fit.details.ml - without.details.ml > 10_000
-    assert 200 < flexible._explains(problem.evidence, fit, without) < 3000
-    monkeypatch.setattr(flexible, 'smooth_gain', lambda *_: 200.0)
-    monkeypatch.setattr(flexible, '_restless', lambda *_: 1.0)
-    said = flexible.shape(problem.evidence, fit, without, 'narrowband', 100.0)
+    assert 200 < rivals._explains(problem.evidence, fit, without) < 3000
+    monkeypatch.setattr(rivals, 'smooth_gain', lambda *_: 200.0)
+    monkeypatch.setattr(rivals, '_restless', lambda *_: 1.0)
+    said = rivals.shape(problem.evidence, fit, without, 'narrowband', 100.0)
     assert 'a smooth form without a name fits better by 200 nats' in said
 
 
@@ -1254,13 +1256,13 @@ def test_of_two_couplings_one_that_tells_a_hundredth_is_the_other_s_source(
         monkeypatch, share, said):
     """What an accelerometer's noise hides of a sway other axes hear, and it is no other noise."""
     model = model_of('noise', ['white', 'accel_coupling', 'shared_noise'])
-    monkeypatch.setattr(flexible, 'told_by_gains', lambda evidence, fit, label: {
+    monkeypatch.setattr(coupled, 'told_by_gains', lambda evidence, fit, label: {
         'accel_coupling': 2000.0, 'shared_noise': 2000.0 * share}[label])
-    monkeypatch.setattr(flexible, 'told_anew', lambda *_: (60.0, 60.0))
-    monkeypatch.setattr(flexible, '_ways_to_hear', lambda evidence, fit, label: [fit])
-    monkeypatch.setattr(flexible, '_gains_free', lambda *_: (0.0, 0.0))
-    monkeypatch.setattr(flexible, '_not_normal', lambda *_: 'no noise')
-    against = flexible._coupled_otherwise(
+    monkeypatch.setattr(coupled, 'told_anew', lambda *_: (60.0, 60.0))
+    monkeypatch.setattr(coupled, '_ways_to_hear', lambda evidence, fit, label: [fit])
+    monkeypatch.setattr(coupled, '_gains_free', lambda *_: (0.0, 0.0))
+    monkeypatch.setattr(coupled, 'not_normal', lambda *_: 'no noise')
+    against = coupled.coupled_otherwise(
         None, SimpleNamespace(model=model), model['shared_noise'], 15.0)
     assert ('do not hear of the same source' in against) == said
 
@@ -1286,5 +1288,5 @@ def test_axes_tell_of_a_sway_what_an_accelerometer_s_noise_hides_of_it(seed, oth
         'white', 'flicker', 'random_walk', 'accel_coupling', 'shared_noise')))
     told, own = told_anew(problem.evidence, fit, 'shared_noise', 'accel_coupling')
     assert told > 30 and (own > 0.3 * told if other else own < 6), (told, own)
-    said = flexible._coupled_otherwise(problem.evidence, fit, fit.model['shared_noise'], told)
+    said = coupled.coupled_otherwise(problem.evidence, fit, fit.model['shared_noise'], told)
     assert ('of the same source' in said) == (not other), said

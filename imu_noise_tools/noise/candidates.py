@@ -21,7 +21,7 @@ from .coupled import heard_at, why_no_coupling
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
 from .fit import Details, fit as fit_part
-from .flexible import asks_nothing, swept
+from .flexible import asks_nothing
 from .kinds import (
     Coupling, is_peak, Line, Mean, MEASURED, model_crowd, Modulation, NoiseEffect, Parameter,
     Response, Spectrum
@@ -30,6 +30,7 @@ from .likelihood import AT_BOUND, Likelihood, spectrum_without, told_by_gains
 from .lines import line_penalty
 from .measured import measure, penalty, with_units
 from .response import Order
+from .rivals import swept
 from .rounded import moved_by_rounding
 from .shared import LATER, SHAKEN
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, unfitted

@@ -388,6 +388,19 @@ def spectrum_without(evidence: Evidence, fit: Fit, label: str) -> np.ndarray | N
     return Likelihood(evidence, 'whole', rest).spectra(rest)[0] if rest.of(Spectrum) else None
 
 
+def lost_without(evidence: Evidence, fit: Fit, label: str) -> float:
+    """
+    Return what a fit loses without an effect, nats, where all others keep their values.
+
+    What the others do in another place beside it, where a fit without it was caught, is not its.
+
+    """
+    v, d = spectrum_without(evidence, fit, label), fit.details
+    if v is None:
+        return np.inf
+    return 0.5 * float(np.sum(d.weight * (np.log(v / d.v) + d.power / v - d.power / d.v)))
+
+
 def told_by_gains(evidence: Evidence, fit: Fit, label: str) -> float:
     """
     Return what a coupling of a fit tells by its gains alone, nats.

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .coupled import RARE
 from .curve import bin_weights, model_curve
 from .evidence import Evidence
 from .explained import Bands, judge, stretches
 from .fit import fit as fit_part
-from .flexible import mean_gain, RARE, slow_misfit
+from .flexible import mean_gain, slow_misfit
 from .knee import SlowMean
 from .level import clipped, narrowed_by_clipping
 from .views import unclaimed

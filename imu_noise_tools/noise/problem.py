@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import block_means, classic, flexible, in_frequency, views
+from . import block_means, classic, flexible, in_frequency, rivals, views
 from .candidates import (
     at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
     price_by_chance, Tried
@@ -291,14 +291,14 @@ class NoiseProblem(Problem):
         key = (*fit.model.labels, label, claim)
         if key not in self._shapes:
             without = fit.model
-            for k in flexible.joined(fit, label, self.evidence.dt):
+            for k in rivals.joined(fit, label, self.evidence.dt):
                 without = without.minus(k)
             without = self.point(unfitted(without))
             self._shapes[key] = at_bound(
                 self.evidence, fit.model[label], fit.estimates.get(label, {})) \
                 or hidden_by_steps(self.evidence, fit.model.minus(label), fit.model[label]) \
                 or no_more_than_less(self, fit, label) \
-                or flexible.shape(self.evidence, fit, without, label, claim) \
+                or rivals.shape(self.evidence, fit, without, label, claim) \
                 or no_more_than_chance(self, fit, without, label)
         return self._shapes[key]
 

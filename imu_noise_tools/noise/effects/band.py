@@ -11,8 +11,8 @@ from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
 from ..evidence import AROUND, Evidence, Part, STEP
-from ..flexible import swept
 from ..kinds import Inputs, Parameter, Spectrum
+from ..rivals import swept
 from ...core.spectrum import band_of, Bins, leaked_beside, OCTAVE
 from ...core.statistics import in_a_row
 from ...loop.effect import Effect, Fit, Model
