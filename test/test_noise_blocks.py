@@ -13,8 +13,8 @@ from imu_noise_tools.loop.findings import failures
 from imu_noise_tools.noise.block_means import covariance_of_means
 from imu_noise_tools.noise.blocks import block_power, FEWER, FIRST, leaked
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.in_time import power_in_time
 from imu_noise_tools.noise.problem import NoiseProblem
-from imu_noise_tools.noise.views import power_in_time
 
 DT = 0.01
 AXES = ['gyro_x', 'gyro_y', 'gyro_z']

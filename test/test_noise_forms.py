@@ -29,13 +29,14 @@ from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, c
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.in_time import beside, variance
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.measured import penalty, with_measured
 from imu_noise_tools.noise.normality import differences_of, octaves_of, pieces
 from imu_noise_tools.noise.problem import NoiseProblem, where_to_look
 from imu_noise_tools.noise.response import open_response, Order
 from imu_noise_tools.noise.starts import _background
-from imu_noise_tools.noise.views import beside, p_value, variance
+from imu_noise_tools.noise.views import p_value
 
 BASE = ('white', 'flicker', 'random_walk')
 

@@ -29,7 +29,7 @@ from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
 from imu_noise_tools.noise import (
-    candidates, coupled, flexible, likelihood, nameless, normality, rivals, shared, views
+    candidates, coupled, flexible, in_time, likelihood, nameless, normality, rivals, shared
 )
 from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
 from imu_noise_tools.noise.effects.low_pass import AVERAGED
@@ -1028,7 +1028,7 @@ def test_a_step_is_no_noise_that_is_loud_where_it_comes(times, at):
     problem = NoiseProblem(gather(record, axes=('gyro_x',))['gyro_x'])
     first = model_of('noise', ('white', 'flicker', 'random_walk'))
     without, with_it = (
-        views.variance(problem.evidence, problem.point(m))
+        in_time.variance(problem.evidence, problem.point(m))
         for m in (first, first.plus(registry('noise')['step']())))
     assert np.max(without.pull) > 6 and np.max(np.abs(with_it.pull)) < 5
 

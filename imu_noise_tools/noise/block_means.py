@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .evidence import claimed_lines, Evidence
+from .in_time import block_variance
 from .kinds import Coupling, Mean, model_psd, Modulation, Spectrum
 from .likelihood import Likelihood
 from .lines import waves
-from .views import block_variance, is_there, TIME_BLOCKS, view_of
+from .views import is_there, TIME_BLOCKS, view_of
 from ..core.spectrum import bins_of, expected
 from ..core.statistics import gamma_excess, means_of_blocks
 from ..loop.effect import Fit, Model, View

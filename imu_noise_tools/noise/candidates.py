@@ -16,7 +16,7 @@ from typing import cast, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
-from . import views
+from . import in_time, views
 from .coupled import heard_at, why_no_coupling
 from .evidence import Evidence
 from .explained import Bands, Explained, gained, gained_beyond
@@ -624,7 +624,7 @@ def _line(evidence, fit, effect):
 
 
 def _measured(evidence, fit, effect):
-    here = views.beside(evidence, fit.model) if isinstance(effect, Modulation) else evidence
+    here = in_time.beside(evidence, fit.model) if isinstance(effect, Modulation) else evidence
     finding = here.measured(effect)
     if finding is None or finding.effect is None:
         return None

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from . import views
+from . import in_time
 from .block_means import block_means, BlockMeans, root_of
 from .course import spanned
 from .evidence import Evidence
@@ -212,7 +212,7 @@ def squares_left(y: np.ndarray, columns: Sequence[np.ndarray]) -> float:
 
 def variance_gain(evidence: Evidence, fit: Fit) -> float:
     """Return what a smooth level in time gains over a model's modulation, nats."""
-    t, x, w = views.power_in_time(evidence, fit.model)
-    x = x / views.modulated(fit.model, t, x, w)
-    w = views.rough_degrees(x, w)
-    return smooth_gain(views.pooled(x, w), np.full(len(t), views.degrees_of(w)), t)
+    t, x, w = in_time.power_in_time(evidence, fit.model)
+    x = x / in_time.modulated(fit.model, t, x, w)
+    w = in_time.rough_degrees(x, w)
+    return smooth_gain(in_time.pooled(x, w), np.full(len(t), in_time.degrees_of(w)), t)

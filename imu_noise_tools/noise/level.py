@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import views
+from . import in_time, views
 from .curve import model_curve
 from .evidence import Evidence
 from .kinds import Modulation, Response, Spectrum
@@ -173,12 +173,12 @@ def steady_band(evidence: Evidence, fit: Fit) -> tuple[float, float] | None:
     flat = [e.label for e in fit.model.of(Spectrum) if _is_flat(e, evidence.dt)]
     if not changes or details is None or not flat or views.muted_by(fit, 'variance'):
         return None
-    t, x, _ = views.power_in_time(evidence, fit.model)
-    edges = views.bands_in_time(evidence)
+    t, x, _ = in_time.power_in_time(evidence, fit.model)
+    edges = in_time.bands_in_time(evidence)
     groups = [i for i in np.array_split(np.arange(len(edges) - 1), x.shape[1]) if len(i)]
     if x.shape[1] < 2:  # of all bands together
         return None
-    m = np.prod([views.block_variance(e, t) for e in changes], axis=0)
+    m = np.prod([in_time.block_variance(e, t) for e in changes], axis=0)
     m = m / np.mean(m) - 1
     f = evidence.whole.bins.f
     white, whole = sum(details.each[k] for k in flat), np.maximum(details.v, evidence.whole.power)

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from .evidence import Evidence
+from .in_time import beside
 from .kinds import Defect, Line, MEASURED, Modulation, NoiseEffect, Response, Spectrum
 from .null import DEFAULT, PENALTY
-from .views import beside
 from ..core import units
 from ..loop.effect import Estimate, find_effect, Finding, Model
 

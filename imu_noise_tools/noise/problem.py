@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import block_means, classic, flexible, in_frequency, rivals, views
+from . import block_means, classic, flexible, in_frequency, in_samples, in_time, rivals, views
 from .candidates import (
     at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
     price_by_chance, Tried
@@ -198,11 +198,11 @@ class NoiseProblem(Problem):
         # is the whole's
         whole = self.whole.point(unfitted(fit.model))
         found = [in_frequency.frequency(e, self.part, fit, mean=whole),
-                 *views.of_samples(e, self.part, whole)]
+                 *in_samples.of_samples(e, self.part, whole)]
         if self.part == 'second':  # these views have no fitted part that could be held out
             found += [
-                views.variance(e, fit),
-                views.distribution(e, fit),
+                in_time.variance(e, fit),
+                in_samples.distribution(e, fit),
                 in_frequency.coherence(e, whole),
             ]
         return Score.of(found)
@@ -228,10 +228,10 @@ class NoiseProblem(Problem):
             in_frequency.frequency(e, 'whole', fit, fitted_here=True),
             self.time(fit, 'odd'),
             self.time(fit, 'even'),
-            views.variance(e, fit),
-            views.distribution(e, fit),
+            in_time.variance(e, fit),
+            in_samples.distribution(e, fit),
             in_frequency.coherence(e, fit),
-            *views.of_samples(e, 'whole', fit),
+            *in_samples.of_samples(e, 'whole', fit),
         ):
             if len(view.pull) and not view.muted:
                 worst = int(np.argmax(np.abs(view.pull)))

@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from . import views
+from . import in_time
 from .coupled import coupled_otherwise, why_no_coupling
 from .evidence import Evidence
 from .fit import fit as fit_part
@@ -174,9 +174,9 @@ def _loud_at_times(evidence: Evidence, fit: Fit) -> float:
     a sum of them varies by mean(a^2) / mean(a)^2 more; what the model says of a(t) is no excuse.
 
     """
-    _, x, w = views.power_in_time(evidence, fit.model)
-    level = views.pooled(x, w)
-    chance = 2 / views.degrees_of(w)
+    _, x, w = in_time.power_in_time(evidence, fit.model)
+    level = in_time.pooled(x, w)
+    chance = 2 / in_time.degrees_of(w)
     return max(1.0, float(np.mean(level**2) / np.mean(level) ** 2) - chance)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import views
+from . import in_time
 from .evidence import Evidence
 from .kinds import Modulation
 from .sweep import Sweep
@@ -30,17 +30,17 @@ def gained_beside(evidence: Evidence, model: Model, effect: Modulation, sweep: S
     of it that may be shorter than its own.
 
     """
-    edges = views.bands_in_time(evidence)
-    t, x, w = views.power_in_time(evidence, model, len(edges) - 1)
+    edges = in_time.bands_in_time(evidence)
+    t, x, w = in_time.power_in_time(evidence, model, len(edges) - 1)
     if w.ndim > 1:  # of all bands together
         return np.inf
-    degrees = np.broadcast_to(views.rough_degrees(x, w), x.shape) * ~passed(sweep, t, edges)
+    degrees = np.broadcast_to(in_time.rough_degrees(x, w), x.shape) * ~passed(sweep, t, edges)
     told = degrees.sum(axis=0) > 0
     if not np.any(told):
         return 0.0
     x, degrees = x[:, told], degrees[:, told]
     x = x * degrees.sum(axis=0) / np.sum(degrees * x, axis=0)
-    m = views.followed_by(np.maximum(views.block_variance(effect, t), 1e-6), x, degrees)
+    m = in_time.followed_by(np.maximum(in_time.block_variance(effect, t), 1e-6), x, degrees)
     return 0.5 * float(np.sum(degrees * (x - 1 - np.log(m) - x / m + 1)))
 
 

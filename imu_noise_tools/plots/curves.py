@@ -16,7 +16,7 @@ from ..core.allan import AllanCurve, equivalent_freedom, interval
 from ..core.statistics import gamma_pull, means_of_blocks
 from ..loop.prediction import observable, State
 from ..loop.verdict import CHANCE, STRIKING
-from ..noise import views
+from ..noise import in_samples, in_time, views
 from ..noise.classic import FLAT, READINGS
 from ..noise.curve import effects_avar, mean_avar, model_curve
 from ..noise.evidence import Evidence
@@ -169,8 +169,8 @@ def noise_level(state: State) -> tuple[np.ndarray, np.ndarray, float]:
     (Wilson and Hilferty 1931).
 
     """
-    t, x, w = views.power_in_time(evidence_of(state), state.model, groups=1)
-    return t, (x / views.modulated(state.model, t, x, w))[:, 0], 2 / (9 * views.degrees_of(w))
+    t, x, w = in_time.power_in_time(evidence_of(state), state.model, groups=1)
+    return t, (x / in_time.modulated(state.model, t, x, w))[:, 0], 2 / (9 * in_time.degrees_of(w))
 
 
 def chance_of_level(spread: float) -> tuple[float, float]:
@@ -190,7 +190,7 @@ def against_normal(state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, fl
     e = evidence_of(state)
     cells = e.cells_of(state.model).astype(float)
     k, total = len(cells), cells.sum()
-    expected = total * views.cell_shares(e, state.model, cells)[0]
+    expected = total * in_samples.cell_shares(e, state.model, cells)[0]
     at = ndtri((np.arange(k) + 0.5) / k)
     return at, cells, expected, RARE * float(np.sqrt((1 - 1 / k) / (total / k)))
 

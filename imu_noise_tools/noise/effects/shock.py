@@ -14,12 +14,12 @@ from scipy.special import binom, chdtrc, chdtri, digamma, pdtrc, polygamma
 
 from ..dying import lasting
 from ..evidence import Evidence
+from ..in_samples import of_nats
 from ..kinds import Defect, heard_by_all, Inputs, Parameter
 from ..line_search import find_peaks
 from ..lines import waves
 from ..ringing import find_rings, loudest, NONE, Rings, SWINGS, tail_of, TOLD
 from ..smooth import reference_spectrum
-from ..views import of_nats
 from ...core.spectrum import cosine_transform
 from ...core.statistics import (
     grid_step, hold, in_a_row, interval, means_of_blocks, MEDIAN, repeats, row_medians

@@ -11,11 +11,12 @@ from scipy.special import chdtri, log_ndtr, ndtri
 
 from ..drawn import drawn
 from ..evidence import Evidence
+from ..in_samples import of_nats
+from ..in_time import power_in_time
 from ..kinds import Defect, Inputs, Parameter, Spectrum
 from ..lines import HALO, PIECE, strong_lines
 from ..tails import Tails
 from ..telegraph import levels
-from ..views import of_nats, power_in_time
 from ...core.statistics import (
     grid_step,
     hold,

@@ -8,10 +8,10 @@ from scipy.optimize import minimize, minimize_scalar
 
 from ..dying import course
 from ..evidence import Evidence
-from ..kinds import Modulation, Parameter
-from ..views import (
+from ..in_time import (
     block_variance, degrees_of, followed_by, pooled, power_in_time, rough_degrees
 )
+from ..kinds import Modulation, Parameter
 from ...core.statistics import in_a_row, interval
 from ...loop.effect import Effect, Estimate, Finding
 from ...loop.verdict import DIRECTED
