@@ -43,6 +43,7 @@ from imu_noise_tools.bag.encode import imu_values, serialise
 from imu_noise_tools.bag.mcap_writer import McapWriter
 from imu_noise_tools.bag.rosbag1_writer import Rosbag1Writer
 from imu_noise_tools.bag.sqlite_writer import SqliteWriter
+from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.units import G0
 
@@ -968,6 +969,60 @@ def test_stamps_in_an_unknown_unit_are_answered_with_the_likely_one(tmp_path):
         open_record(path)
     path.write_text(written(r, f't_us,{AXES6}', t=1e6 * r.t))
     assert open_record(path).rate_hz == pytest.approx(100)
+
+
+@pytest.mark.parametrize('name', ['x.csv', 'x.txt', 'imu.log', 'x'])
+@pytest.mark.parametrize(('before', 'ends', 'said'), [
+    ('', '', False), ('\n\n', '', False), ('', '\t', False),
+    ('LOG\nRate,100\n\nDATA_START\n', '\t', True)])
+def test_a_table_by_what_is_in_it(name, before, ends, said, tmp_path):
+    """Under any name, after lines that are none of it, and with a separator behind each line."""
+    r, path = bad_input.still(5), tmp_path / name
+    table = written(r, f't,{AXES6}'.replace(',', '\t'), between='\t', t=r.t)
+    first, rest = table.split('\n', 1)
+    path.write_text(before + first + '\n' + rest.replace('\n', ends + '\n'))
+    record = open_record(path)
+    np.testing.assert_array_equal(record.gyro, r.gyro)
+    np.testing.assert_array_equal(record.accel, r.accel)
+    begins = f'the table begins in line {before.count(chr(10)) + 1}; what is before was left out: '
+    assert record.warnings == ((begins + "'LOG'",) if said else ())
+    path.write_text(before.partition('LOG')[0] + rest.replace('\n', ends + '\n'))
+    record = open_record(path, fields='accel=5+6+7,stamp=1')
+    np.testing.assert_array_equal(record.accel, r.accel)
+    with pytest.raises(UsageError, match='must be of the same format'):
+        copy_bag(path, tmp_path / 'y.npz', lambda x: x)
+
+
+@pytest.mark.parametrize('text', ['a: 1\nb: 2\n', 'three words here\n', '1,2\n3,4\n'])
+def test_what_is_no_table_is_no_bag(text, tmp_path):
+    (tmp_path / 'x.yaml').write_text(text)
+    with pytest.raises(InputError, match='not a bag: give'):
+        open_record(tmp_path / 'x.yaml')
+
+
+def test_columns_that_no_name_tells_are_pointed_at(tmp_path, capsys):
+    """An accelerometer under a name of its own is not silently left out."""
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    path.write_text(written(r, 'time,wx,wy,wz,tx,ty,tz', t=r.t))
+    record = open_record(path)
+    assert record.accel is None
+    (said,) = record.warnings
+    assert 'known as accel by their names' in said and 'tx, ty, tz, name them with' in said
+    assert main(['calibrate', str(path)]) == 1
+    assert said in ' '.join(capsys.readouterr().err.split())
+    assert not open_record(path, fields='gyro=wx+wy+wz,accel=tx+ty+tz').warnings
+
+
+def test_stamps_in_two_columns_that_are_named(tmp_path):
+    """Where two pairs have seconds and parts of them, --fields says which: SECONDS+PARTS."""
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    path.write_text(written(r, f'sec_gps,nanosec_gps,sec_imu,nanosec_imu,{AXES6}',
+                            t=np.array([f'0,0,{t}' for t in two(r)])))
+    record = open_record(path, fields='stamp=sec_imu+nanosec_imu')
+    np.testing.assert_allclose(record.t, r.t, atol=1e-6)
+    assert record.start == pytest.approx(START * 1e-9)
+    with pytest.raises(UsageError, match='unknown column of x.csv nanosec'):
+        open_record(path, fields='stamp=sec_imu+nanosec')
 
 
 def test_columns_that_are_named(tmp_path):

@@ -77,6 +77,7 @@ ECHO = ('header.stamp.sec', 'header.stamp.nanosec', 'frame_id', *('orientation',
 HOW = ('name the columns, e.g. --fields gyro=A+B+C,accel=D+E+F,stamp=G:ms, each with its unit '
        'behind it where it is not SI')
 LISTED = 16         # names that a message lists
+LEAST_NUMBERS = 3   # in a line of samples: one for each axis of a sensor
 
 
 @dataclass
@@ -141,6 +142,40 @@ def _whole(day: str, clock: str) -> float:
     return datetime.fromisoformat(f'{day}T{clock}+00:00').timestamp()
 
 
+def beginning(lines: Sequence[str]) -> int:
+    """
+    Return at which of the first lines of a file its table begins: after a preamble, if any.
+
+    That is the first line, or the one from which on two lines, the second of numbers, have as
+    many cells each.
+
+    """
+    bare = [_bare(line) for line in lines]
+    begin = next((k for k, line in enumerate(bare) if line.strip()), 0)
+    for k in range(begin, len(bare) - 1):
+        width, after = len(_cells(bare[k])), _cells(bare[k + 1])
+        if len(after) - (not after[-1]) <= width <= len(after) and are_numbers(bare[k + 1]):
+            return k
+    return begin
+
+
+def are_numbers(line: str) -> bool:
+    """Tell whether enough numbers are in a line for it to be a sample."""
+    return sum(_is_number(c) for c in _cells(_bare(line))) >= LEAST_NUMBERS
+
+
+def _cells(line: str) -> list[str]:
+    return Columns(Path(), _delimiter(line), []).cells(line) or ['']
+
+
+def _bare(line: str) -> str:
+    return line.lstrip('#%\ufeff ').rstrip('\r\n')
+
+
+def _delimiter(line: str) -> str | None:
+    return next((d for d in ('\t', ';', ',') if d in line), None)
+
+
 def columns_of(path: Path, first: str, second: str, fields: Fields | None) -> Columns:
     """
     Return which columns are what, by the first two lines and what the user says of them.
@@ -153,19 +188,23 @@ def columns_of(path: Path, first: str, second: str, fields: Fields | None) -> Co
         There is no such column as a field says.
 
     """
-    first = first.lstrip('#%\ufeff ').rstrip('\r\n')
-    delimiter = next((d for d in ('\t', ';', ',') if d in first), None)
-    found = Columns(path, delimiter, [])
+    first = _bare(first)
+    found = Columns(path, _delimiter(first), [])
     cells = [c.strip().strip('"') for c in found.cells(first)]
     numbers = [_is_number(c) for c in cells]
     if len(cells) == len(ECHO) and numbers.count(False) == 1 and not numbers[2]:
         found.names, found.headed, second = list(ECHO), False, first
-    elif cells and all(numbers):
+    elif any(numbers) and all(n or not c for n, c in zip(numbers, cells)):
         found.names, found.headed, second = [str(k + 1) for k in range(len(cells))], False, first
     else:
         found.names = cells
     found.first = [c.strip() for c in found.cells(second.rstrip('\r\n'))]
     found.text = {k for k, c in enumerate(found.first) if c and not _is_number(c)}
+    if found.first and not found.first[-1]:     # where lines end in a separator is no column
+        if len(found.first) == len(found.names) + 1:
+            found.names.append('')
+        if not found.headed or not found.names[-1]:
+            found.text.add(len(found.names) - 1)
     found.dates = {k for k in found.text if ISO.fullmatch(found.first[k].strip('"'))}
     said = fields or Fields()
     named = fields if said.gyro or said.accel else known_table(found.names, path.stem)
@@ -192,10 +231,16 @@ def _beside_the_sensors(found: Columns, fields: Fields) -> None:
     """Take the stamps and the temperature that are named."""
     units = fields.units or {}
     if fields.stamp:
-        found.place['t'] = k = _column(found, fields.stamp)
+        whole, _, part = (x.strip() for x in fields.stamp.partition('+'))
+        found.place['t'] = k = _column(found, whole)
+        for name in ('t', 't_part'):
+            found.scale.pop(name, None)
         found.place.pop('t_part', None)
-        found.scale.pop('t', None)
-        _time_unit(found, 't', units.get('stamp') or _time_stated(found.names[k]))
+        if part:
+            found.place['t_part'] = j = _column(found, part)
+            _time_unit(found, 't_part', units.get('stamp') or _part_stated(found.names[j]))
+        else:
+            _time_unit(found, 't', units.get('stamp') or _time_stated(found.names[k]))
     if fields.temperature:
         _temperature(found, _column(found, fields.temperature), units.get('temperature', ''))
 
@@ -276,12 +321,24 @@ def _by_names(found: Columns) -> None:
             found.said.append(f'{sensor} is in {found.units[sensor]} by the name of its column, '
                               'and was read so')
     _stamps(found, plain)
+    _left_over(found)
     warm = [k for k, n in enumerate(plain) if WARM.search(n) and k not in found.place.values()]
     if found.own:
         used = set(found.place.values())
         found.place |= {n: k for k, n in enumerate(names) if n and k not in used | found.text}
     elif len(warm) == 1:
         _temperature(found, warm[0], _stated(found.names[warm[0]]))
+
+
+def _left_over(found: Columns) -> None:
+    """Say so where no column is known as a sensor's, and others might be."""
+    used = set(found.place.values()) | found.text
+    left = [n for k, n in enumerate(found.names) if k not in used and n]
+    lacks = [s for s in SAMPLE if f'{s}_x' not in found.place]
+    if lacks and len(left) >= LEAST_NUMBERS and not found.own:
+        found.said.append(
+            f'no columns are known as {lacks[0]} by their names: where they are among '
+            f'{listed(left, LISTED)}, name them with --fields {lacks[0]}=A+B+C')
 
 
 def _by_fields(found: Columns, fields: Fields) -> None:
@@ -370,6 +427,12 @@ def _time_stated(name: str) -> str:
     unit = UNIT.search(name)
     word = unit[1].strip() if unit else re.sub('^(?:time_?stamp|time|t)', '', _plain(name))
     return TIMES.get(word.lower().rpartition('_')[2], '')
+
+
+def _part_stated(name: str) -> str:
+    """Return the unit of parts of a second: a word of the name, ns where none is one."""
+    words = [TIMES[w] for w in _plain(name).split('_') if w in TIMES]
+    return next((w for w in words if w != 's'), 'ns')
 
 
 def _time_unit(found: Columns, name: str, unit: str) -> None:

@@ -107,7 +107,8 @@ def _check_kind(source: Path, target: Path) -> None:
     if target.exists() and source.exists() and target.samefile(source):
         raise UsageError(f'{target}: is the bag that is read', 'choose another name')
     asked = SUFFIX.get(target.suffix.lower())
-    held = SUFFIX.get(Path(source.name.removesuffix('.zstd').removesuffix('.zst')).suffix.lower())
+    name = source.name.removesuffix('.zstd').removesuffix('.zst')
+    held = table_kind(source) or SUFFIX.get(Path(name).suffix.lower())
     if source.is_dir() and asked or not source.is_dir() and asked and held and asked != held:
         raise UsageError(
             f'{target}: the copy must be of the same format as {source.name}', 'choose such a name'

@@ -47,7 +47,8 @@ OVERLAP_S = 1.0
 LISTED = 8          # names that a message lists
 LEAST_BYTES = 8     # a message takes no less, however well it is compressed
 NS = 1e-9
-NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv or an .npz')
+NO_BAG = ('give a rosbag1 file, a rosbag2 folder, an .mcap or .db3 file, a .csv (or another '
+          'table of text) or an .npz')
 
 
 class Bag:

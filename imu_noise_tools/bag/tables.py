@@ -19,7 +19,7 @@ import zipfile
 
 import numpy as np
 
-from .columns import Columns, columns_of, seconds, TIMES
+from .columns import are_numbers, beginning, Columns, columns_of, seconds, TIMES
 from .container import AT_LEAST, EXPANSION
 from .fields import Fields
 from .source import _refuse_what_cannot_be_read
@@ -34,6 +34,9 @@ CSV_COLUMNS = (
     'a .csv begins with the line t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z (s, rad/s, '
     'm/s^2), or its columns are named with --fields'
 )
+BAGS = ('.mcap', '.db3', '.bag', '.zst', '.zstd')
+LOOKED_AT = 1 << 14         # bytes of a file of another name, and lines before its table
+PREAMBLE = 100
 #: parts of a second that stamps since 1970 may come in, and seconds since then that are now
 SINCE_1970 = {'nanoseconds': 1e9, 'microseconds': 1e6, 'milliseconds': 1e3}
 NOW = (0.9e9, 5e9)
@@ -45,9 +48,32 @@ CONTRADICTS = 0.01          # more than the clock of a stamp is off
 
 
 def table_kind(path: str | Path) -> str:
-    """Return ``csv`` or ``npz`` by the name of a file, or nothing."""
-    suffix = Path(path).suffix.lower()
-    return suffix[1:] if suffix in ('.csv', '.npz') and not Path(path).is_dir() else ''
+    """
+    Return ``csv`` or ``npz`` by the name of a file, or nothing.
+
+    A file of another name, but no bag's, is a ``csv`` where lines of numbers are in it.
+
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in ('.csv', '.npz'):
+        return '' if path.is_dir() else suffix[1:]
+    return 'csv' if suffix not in BAGS and _has_lines_of_numbers(path) else ''
+
+
+def _has_lines_of_numbers(path: Path) -> bool:
+    """Tell whether a file is text, and some of its first lines are numbers."""
+    try:
+        if not path.is_file():
+            return False
+        with open(path, 'rb') as file:
+            text = file.read(LOOKED_AT)
+        if b'\0' in text:
+            return False
+        lines = text.decode(errors='replace').splitlines()[:-1]
+    except (OSError, ValueError):
+        return False
+    return any(are_numbers(line) for line in lines)
 
 
 def read_table(path: Path, rate_hz: float | None, fields: str | None = None) -> ImuRecord:
@@ -325,12 +351,17 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray | N
 def _read_csv(path: Path, fields: Fields | None) -> tuple[dict[str, np.ndarray], Columns]:
     """Return the columns of a .csv, in SI where they state a unit, and how they were read."""
     with open(path, encoding='utf-8', errors='replace', newline=None) as file:
-        first, second = (file.readline(1 << 16) for _ in range(2))
+        lines = [file.readline(1 << 16) for _ in range(PREAMBLE)]
+        begin = beginning(lines)
+        first, second = lines[begin], ''.join(lines[begin + 1:begin + 2])
         columns = columns_of(path, first, second, fields)
         if columns.headed and not second.strip():
             raise InputError(f'{path}: has a line of names and no samples', 'record again')
-        lines = [second] if columns.headed else [first, second]
-        line = 3 - len(lines)
+        if any(x.strip() for x in lines[:begin]):
+            columns.said.append(f'the table begins in line {begin + 1}; what is before was left '
+                                f'out: {lines[0].strip()[:40]!r}')
+        line = begin + 1 + columns.headed
+        lines = [x for x in lines[line - 1:] if x]
         blocks: list[np.ndarray] = []
         bad = _Bad(columns)
         lines += file.readlines(1 << 22)

@@ -93,7 +93,7 @@ def _placements(record, seconds) -> tuple[list[Rest], list[tuple[float, float]]]
     """Return the rests that are long enough, and (time, length) of those that are not, s."""
     if record.accel is None:
         raise InputError(f'{record.path or "the record"} has no accelerometer',
-                         'which way is up is read from it')
+                         'which way is up is read from it').after(*record.warnings)
     found: list[Rest] = []
     step = grid_steps(record.accel)
     for a, b in _stretches(record, min(seconds, _PIECE_S)):
