@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import io
+import re
 from types import SimpleNamespace
 
 import calibration_sessions as sim
@@ -486,6 +487,26 @@ def test_turns_tell_the_unit_of_the_gyroscope(factor, said, remedy):
     with pytest.raises(FitError, match=said) as error:
         tasks.calibrate_records([replace(record, gyro=factor * record.gyro)])
     assert error.value.remedy.startswith(remedy)
+
+
+@pytest.mark.parametrize('factor', [3.5, 40.0, seldom(0.2)])
+def test_turns_tell_by_how_much_a_count_is_wrong(factor):
+    """The fit begins at a scale near 1: by far off it fails, or fits what no turn was."""
+    record, _, gyro = session(10)
+    done = tasks.calibrate_records([replace(record, gyro=factor * record.gyro)])
+    assert done.gyro is None
+    (said,) = [n for n in done.calibration.notes if 'times as large as gravity tells' in n]
+    told = float(re.search('are ([0-9.]+) times', said)[1])
+    np.testing.assert_allclose(told, factor * np.mean(np.diag(gyro.scale)), rtol=0.02)
+
+
+def test_a_gyroscope_that_does_not_turn_has_no_wrong_count():
+    """No factor brings noise to where gravity is."""
+    record, _, _ = session(10)
+    still = np.random.default_rng(1).normal(0, 2e-3, record.gyro.shape)
+    done = tasks.calibrate_records([replace(record, gyro=still)])
+    assert done.gyro is None
+    assert not any('times as large' in n for n in done.calibration.notes)
 
 
 def test_a_few_samples_that_are_not_finite_are_missing():

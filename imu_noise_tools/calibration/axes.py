@@ -16,6 +16,7 @@ from ..core.errors import FitError
 _AGREE = np.radians(8.0)        # a turn that ends so near to gravity agrees with it
 _WRONG = np.radians(20.0)       # half of them further off: the axes do not belong together
 _LEAST = 4                      # turns
+_MOST_OFF = 300.0               # times too large or too small that a unit is looked for
 
 
 def refuse_crossed_axes(turns: Turns) -> None:
@@ -64,6 +65,28 @@ def _refuse_unit(turns: Turns) -> None:
             raise FitError(f'the turns between the poses are 57.3 times as '
                            f'{"large" if factor < 1 else "small"} as gravity tells: the gyroscope '
                            f'is in {unit}', remedy)
+
+
+def size_of_turns(turns: Turns) -> float | None:
+    """
+    Return how many times as large the turns are as gravity tells, or None where it tells nothing.
+
+    The factor with which most turns, three of four, end at gravity: chance brings one or two there
+    with one of hundreds of factors, not so many.
+
+    """
+    if turns.n < _LEAST:
+        return None
+
+    def off(log_factor: float) -> float:
+        return float(np.quantile(_missed(turns, np.exp(log_factor) * np.eye(3)), 0.75))
+
+    reach, step = np.log(_MOST_OFF), _AGREE / 2     # of turns of a radian and more
+    best = min(np.arange(-reach, reach, step), key=off)
+    for _ in range(2):
+        step /= 10
+        best = min(best + step * np.arange(-10, 11), key=off)
+    return float(np.exp(-best)) if off(best) < _AGREE else None
 
 
 def _missed(turns: Turns, way: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc, stdtrit
 
 from . import faces, solve
-from .axes import refuse_crossed_axes
+from .axes import refuse_crossed_axes, size_of_turns
 from .between import time_offset, Turns
 from .correction import Correction
 from .linear import elements, equations, MAGNITUDES, SKEW
@@ -36,6 +36,7 @@ _UNTOLD = 0.5                   # of what was known before: poses that leave mor
 _TURN_ROWS = 12                 # equations of turns that nine coefficients are asked of
 _TURNED = np.radians(2.0)       # a rotation that a person would want to hear of
 _TILTED_DEG = 3.0              # faces further off are said to be: no table is that bad
+_MISSED = np.radians(20.0)      # turns that miss gravity by more, fitted, were other ones
 _SCALES = (0.6, 1.6)            # a scale factor outside, relative to the others, is a mistake
 
 
@@ -218,8 +219,17 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = (),
     if accel is not None:
         turns = replace(turns, axes=off_axes(accel.fit))
     problem = TurnsProblem.of(turns)
-    fit = problem.fit(solve.base_model())
-    _refuse_failure(fit, problem.poses, 'turns')
+    try:
+        fit = problem.fit(solve.base_model())
+        _refuse_failure(fit, problem.poses, 'turns')
+        miss = float(np.median(problem.missed(fit)))
+        if miss > _MISSED:
+            raise FitError(f'half of the turns miss gravity by more than {np.degrees(miss):.0f} '
+                           'deg as they are fitted',
+                           'check the unit of the gyroscope and the sample rate')
+    except FitError:
+        _refuse_size(turns)         # the fit begins at turns that are as large as they should be
+        raise
     # what the turns tell by their geometry: a scatter that an effect explains is the loop's
     noise = np.median(turns.spread)
     worst = float(np.max(standard_deviations(fit)[0]) * noise / np.hypot(noise, fit.details.tilt))
@@ -230,6 +240,14 @@ def calibrate_turns(turns: Turns, notes: Iterable[str] = (),
     turned = _turned_case(fit, 'the gyroscope\'s frame')
     wide = problem.too_wide(fit)
     return stated(problem, fit, said, [*fit.flags, *turned, *([wide] if wide else [])])
+
+
+def _refuse_size(turns: Turns) -> None:
+    size = size_of_turns(turns)
+    if size and not _SCALES[0] < size < _SCALES[1]:
+        raise FitError(f'the turns between the poses are {size:.3g} times as large as gravity '
+                       'tells: what a count is, or the sample rate, is another',
+                       'look up the unit in the data sheet, and count the samples of a minute')
 
 
 def completed(calibration: Calibration) -> Calibration:

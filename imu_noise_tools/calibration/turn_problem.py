@@ -154,6 +154,10 @@ class TurnsProblem(CalibrationProblem):
         return [*super().omnibus(fit),
                 Finding('scatter', 0.0, view='turns', p_value=0.0 if said else 1.0, evidence=said)]
 
+    def missed(self, fit: Fit) -> np.ndarray:
+        """Return the angle by which each turn misses gravity as it is fitted, (n,), rad."""
+        return np.linalg.norm(fit.details.residual[:, :self.data.n], axis=0)
+
     def too_wide(self, fit: Fit) -> str:
         """Say by how much turns miss, where they tell the scale no better than 1 % for it."""
         of_scale = [k for k, _, _ in elements(fit.details.keys)]
@@ -161,7 +165,7 @@ class TurnsProblem(CalibrationProblem):
         if std <= SCALE_STD:
             return ''
         miss = fit.details.residual[:, :self.data.n]
-        k = int(np.argmax(np.linalg.norm(miss, axis=0)))
+        k = int(np.argmax(self.missed(fit)))
         return (f'turns miss gravity by {np.degrees(_rms(miss)):.2g} deg rms, '
                 f'{self.poses.names[k]} at {self.poses.time[k]:.0f} s by '
                 f'{np.degrees(np.linalg.norm(miss[:, k])):.2g} deg: they tell scale factors and '
