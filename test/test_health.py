@@ -83,6 +83,28 @@ def test_losses_are_counted_in_any_stamps(name, seed):
     assert found.rate_hz == pytest.approx(rate, rel=1e-5)
 
 
+@pytest.mark.parametrize('name', FAMILIES)
+def test_a_pause_beside_a_few_samples_is_seen(name):
+    """A logger that writes some samples, pauses and goes on: no level of rough stamps shows it."""
+    rng = np.random.default_rng(11)
+    there = np.ones(8000, bool)
+    there[16:2300] = there[5000:6000] = there[7000:7990] = False
+    found = fit_clock(FAMILIES[name](np.arange(8000)[there] / 90.8, rng))
+    np.testing.assert_allclose(found.lost, [2284, 1000, 990], atol=8)   # a burst is five
+    np.testing.assert_allclose(found.gaps, [15, 2715, 3715], atol=8)
+    assert len(found.pauses()) == 3 and not len(found.steps)
+
+
+def test_runs_that_begin_anew_follow_each_other():
+    """Runs one after the other in a file, each stamped from 0, are not sorted together."""
+    t = np.tile(np.arange(700) / 200, 12)
+    gyro = np.random.default_rng(12).standard_normal((len(t), 3))
+    record = ordered(ImuRecord(gyro, None, t, None))
+    np.testing.assert_array_equal(record.gyro, gyro)
+    assert fit_clock(record.t).rate_hz == pytest.approx(200, rel=1e-6)
+    assert record.warnings[0].startswith('11 backward stamps: the clock was set back')
+
+
 @pytest.mark.parametrize('share', [0.001, 0.01, 0.1])
 def test_single_losses_keep_their_place(share):
     """Lone lost samples are interpolated at their place: the others stay where they were."""

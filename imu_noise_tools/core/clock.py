@@ -303,12 +303,7 @@ class _Lag:
         for k in late:
             if k < begin:
                 continue
-            reach = 2 * NEAR + 4 * int(min(interval[k] / self.period, 4 * MANY))
-            near = slice(max(begin, k + 1 - NEAR), k + 1)
-            far = slice(k + 1, k + 1 + reach)
-            before = np.min(self.t[near] - self.period * np.arange(*near.indices(self.n)))
-            after = np.min(self.t[far] - self.period * np.arange(*far.indices(self.n)))
-            x = (after - before) / self.period
+            x = self._stays(k, begin, interval)
             if x < STEP:
                 continue
             whole = round(x)
@@ -316,10 +311,19 @@ class _Lag:
                 gaps.append(k)
                 lost.append(whole)
             else:
-                steps.append((k, after - before))
+                steps.append((k, x * self.period))
             begin = k + 1
         self.gaps, self.lost = np.array(gaps, np.int64), np.array(lost, np.int64)
         self.steps = np.array(steps).reshape(-1, 2)
+
+    def _stays(self, k: int, begin: int, interval: np.ndarray) -> float:
+        """Return what stays of a late interval, of those since ``begin``, in periods."""
+        reach = 2 * NEAR + 4 * int(min(interval[k] / self.period, 4 * MANY))
+        near = slice(max(begin, k + 1 - NEAR), k + 1)
+        far = slice(k + 1, k + 1 + reach)
+        before = np.min(self.t[near] - self.period * np.arange(*near.indices(self.n)))
+        after = np.min(self.t[far] - self.period * np.arange(*far.indices(self.n)))
+        return float((after - before) / self.period)
 
     def _set_back(self, interval: np.ndarray) -> None:
         """
@@ -362,6 +366,29 @@ class _Lag:
         at = np.array([self._found(lag, a, b) for a, b in where.tolist()], np.int64)
         self.gaps, self.lost = at[loss], whole[loss].astype(np.int64)
         self.steps = np.column_stack([at[clock], size[clock]])
+        self._beside_few()
+
+    def _beside_few(self) -> None:
+        """Find the pauses beside which so few samples lie that no levels show them, or half."""
+        interval = np.diff(self.t)
+        lost: dict[int, int] = {}
+        for k in np.flatnonzero(interval > max(LONG_GAP_S, NEAR * self.period)).tolist():
+            x = self._stays(k, max(lost, default=-1) + 1, interval)
+            if x > NEAR:
+                lost[k] = round(x)
+        apart = np.diff(np.r_[-1, np.array(list(lost), np.int64), self.n - 1])
+        few = np.minimum(apart[:-1], apart[1:]) < FEW * self.scale
+        new = np.array(list(lost), np.int64)[few]
+
+        def others(at: np.ndarray) -> np.ndarray:
+            return np.abs(at[:, None] - new).min(axis=1, initial=self.n) > self.scale
+
+        kept = others(self.gaps)
+        at = np.append(self.gaps[kept], new)
+        order = np.argsort(at)
+        self.gaps = at[order]
+        self.lost = np.append(self.lost[kept], np.array(list(lost.values()), np.int64)[few])[order]
+        self.steps = self.steps[others(self.steps[:, 0])]
 
     def _levels(self, lag: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the levels of the finest blocks that scatter little, and their scatter, s."""
