@@ -313,6 +313,22 @@ def test_both_sensors_from_one_recording(tmp_path, capsys):
     assert np.linalg.norm(corrected['accel'][still].mean(0)) == pytest.approx(sim.G, abs=5e-3)
 
 
+def test_a_table_without_stamps_goes_all_the_way(tmp_path):
+    """What calibrate reads with --rate-hz, apply and filter read so: each asked for it in vain."""
+    record, accel, _ = session(3)
+    log, out, better = tmp_path / 'imu.log', str(tmp_path / 'out'), tmp_path / 'better.csv'
+    np.savetxt(log, np.hstack([record.accel, record.gyro]))
+    read = ['--fields', 'accel=1+2+3,gyro=4+5+6', '--rate-hz', '100']
+    assert main(['calibrate', str(log), *read, '-o', out, '--sensor', 'accel']) == 0
+    assert main(['apply', str(log), *read, '-o', str(better), '--calibration', out]) == 0
+    new = np.genfromtxt(better, delimiter=',', names=True)
+    still = np.array([new[f'accel_{c}_calibrated'][:250].mean() for c in 'xyz'])
+    assert np.linalg.norm(still) == pytest.approx(sim.G, abs=5e-3)
+    assert main(['filter', str(log), *read, '-o', str(tmp_path / 'smooth.csv')]) == 0
+    assert main(['apply', str(log), *read[:2], '-o', str(better), '--calibration', out,
+                 '--force']) == 1
+
+
 def test_too_few_turns_are_said():
     """Six faces calibrate the accelerometer; why not the gyroscope is a note, or a refusal."""
     rng = np.random.default_rng(7)

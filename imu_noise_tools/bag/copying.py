@@ -34,6 +34,7 @@ def copy_bag(
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
     part: Callable[[ImuRecord], tuple[int, int]] | None = None,
+    rate_hz: float | None = None,
 ) -> Path:
     """
     Write a copy of a bag with one more Imu topic.
@@ -63,6 +64,8 @@ def copy_bag(
     part : callable, optional
         Which samples, from and to, are changed: those outside are not under the new topic (in a
         table they are NaN).
+    rate_hz : float, optional
+        Sample rate of a table that has no stamps; stamps go before it.
 
     Returns
     -------
@@ -79,8 +82,10 @@ def copy_bag(
     """
     source, target = Path(source), Path(target)
     _check_kind(source, target)
+    bare = rate_hz and table_kind(source) and 't' not in table_arrays(source, fields=fields)
     record = open_record(source, topic, progress=_share(progress, 0.0, 0.4), fields=fields,
-                         gyro_unit=gyro_unit, accel_unit=accel_unit)
+                         gyro_unit=gyro_unit, accel_unit=accel_unit,
+                         rate_hz=rate_hz if bare else None)
     first, last = part(record) if part else (0, record.n)
     changed = _changed(transform(record.part(first, last)), last - first).within(
         first, record.n)

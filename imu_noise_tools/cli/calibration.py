@@ -63,6 +63,8 @@ def register(commands: Any) -> None:
     c.add_argument('--calibration', metavar='DIR', required=True,
                    help='a folder that calibrate wrote, or a calibration.yaml')
     common.topic_options(c)
+    c.add_argument('--rate-hz', type=float, metavar='R',
+                   help='sample rate of a table that has no stamps')
     common.gyro_unit_option(c, 'that of the calibration\'s recording')
     common.accel_unit_option(c, 'that of the calibration\'s recording')
     c.add_argument('--force', action='store_true', help='replace a bag that is there')
@@ -189,7 +191,7 @@ def apply(args: argparse.Namespace) -> int:
         share = (lambda p: progress(p, 'correcting')) if progress else None
         written, warnings = tasks.apply_calibration(
             args.bag, args.output, args.calibration, topic=args.topic, fields=args.fields,
-            gyro_unit=args.gyro_unit, accel_unit=args.accel_unit,
+            gyro_unit=args.gyro_unit, accel_unit=args.accel_unit, rate_hz=args.rate_hz,
             force=args.force, progress=share)
     common.warn(warnings)
     if args.json:

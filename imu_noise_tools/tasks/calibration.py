@@ -411,6 +411,7 @@ def apply_calibration(
     fields: str | None = None,
     gyro_unit: str | None = None,
     accel_unit: str | None = None,
+    rate_hz: float | None = None,
     force: bool = False,
     progress: Any = None,
 ) -> tuple[Path, tuple[str, ...]]:
@@ -419,7 +420,7 @@ def apply_calibration(
 
     They say what is missing in the calibration, what it assumes that the bag does not hold, and
     which samples were converted: the new topic is in SI. Units that are not given are those that
-    the calibration was made from.
+    the calibration was made from; ``rate_hz`` is that of a table that has no stamps.
 
     Raises
     ------
@@ -442,7 +443,7 @@ def apply_calibration(
         return better
     written = copy_bag(bag, out, correct, topic=topic, fields=fields, new_topic=CALIBRATED,
                        gyro_unit=units.get('gyro'), accel_unit=units.get('accel'),
-                       force=force, progress=progress)
+                       force=force, progress=progress, rate_hz=rate_hz)
     return written, tuple(warnings)
 
 

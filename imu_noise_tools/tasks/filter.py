@@ -199,6 +199,7 @@ def filter_bag(
         written = copy_bag(
             bag, out, transform, topic=topic, fields=fields, new_topic=TOPIC, force=force,
             progress=share, part=selection.bounds if selection else None, gyro_unit=unit,
+            rate_hz=rate_hz,
         )
     study = made['study']
     return Done(written, None if study is None else folder, made['filtered'], study,
