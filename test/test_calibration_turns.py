@@ -313,6 +313,23 @@ def test_both_sensors_from_one_recording(tmp_path, capsys):
     assert np.linalg.norm(corrected['accel'][still].mean(0)) == pytest.approx(sim.G, abs=5e-3)
 
 
+@pytest.mark.parametrize('asked', [False, seldom(True)])
+def test_turns_tell_whether_samples_or_stamps_are_even(asked):
+    """A driver that stamps late is no clock; where samples are asked for, stamps hold."""
+    rng = np.random.default_rng(21)
+    accel, gyro = sim.Device.drawn(rng, noise=0.02, upper=True), sim.Device.drawn(
+        rng, 'gyro', noise=2e-3)
+    ups = sim.spread_directions(16, rng)[rng.permutation(16)]
+    t, rates, force, _ = sim.stream(accel, ups, rng, gyro=gyro, hold_s=3.0, move_s=0.4, rate=600.0)
+    late = rng.integers(-2, 3, len(t) // 6 - 1)
+    even = 6 * np.arange(1, len(late) + 1)
+    taken = even + late if asked else even
+    record = ImuRecord(rates[taken], force[taken], t[even + late], 100.0)
+    done = tasks.calibrate_records([record]).gyro
+    assert any('taken as even' in n for n in done.notes) is not asked
+    np.testing.assert_allclose(done.S, gyro.scale, atol=1.5e-3)
+
+
 def test_a_table_without_stamps_goes_all_the_way(tmp_path):
     """What calibrate reads with --rate-hz, apply and filter read so: each asked for it in vain."""
     record, accel, _ = session(3)

@@ -8,9 +8,10 @@ from __future__ import annotations
 from .examine import examine, Health, Resolution, resolution
 from .prepare import in_motion, motion_doubts, MOTION_KEPT, prepare, unit_doubts
 from .selection import Selection
+from .stamps import evenly_stamped
 from .values import SUSPECTED, suspected
 from ..core.stillness import still_stretches
 
-__all__ = ['examine', 'Health', 'in_motion', 'motion_doubts', 'MOTION_KEPT', 'prepare',
-           'Resolution', 'resolution', 'Selection', 'still_stretches',
+__all__ = ['evenly_stamped', 'examine', 'Health', 'in_motion', 'motion_doubts', 'MOTION_KEPT',
+           'prepare', 'Resolution', 'resolution', 'Selection', 'still_stretches',
            'SUSPECTED', 'suspected', 'unit_doubts']

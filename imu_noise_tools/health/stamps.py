@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.clock import regular_rate
+from ..core.clock import fit_clock, regular_rate
 from ..core.record import ImuRecord, Memory
 from ..core.units import times
 
@@ -17,6 +17,7 @@ SWAPPED_S = 2.0         # messages overtake each other by no more, s
 SCATTERED = 0.01        # share of stamps that fall from which on no clock is set back so often
 REACH = 20.0            # times as far as usual a stamp that scatters falls at most
 AHEAD_S = 1.0           # a step of stamps that is so much longer than that of the receive times, s
+ROUGH = 0.01            # of an interval: stamps that scatter by less are as good as even ones
 BESIDE = 20             # samples on either side, between which such a step has to stay
 
 
@@ -112,6 +113,24 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
             'kept'
         )
     return record.warned(*said)
+
+
+def evenly_stamped(record: ImuRecord) -> ImuRecord | None:
+    """
+    Return the record with stamps on the clock behind them, or None where that changes nothing.
+
+    A sensor samples evenly, and its driver stamps late; but one that is asked now and then samples
+    when it is asked. Which of the two it is stamps do not tell.
+
+    """
+    t = record.t
+    if record.n < 2 or not np.isfinite(t).all() or np.any(np.diff(t) < 0):
+        return None
+    clock = fit_clock(t)
+    if clock is None or clock.jitter_s * clock.rate_hz < ROUGH:
+        return None
+    place = clock.place(record.n)
+    return replace(record, t=float(np.median(t - place / clock.rate_hz)) + place / clock.rate_hz)
 
 
 def _set_ahead(record: ImuRecord) -> np.ndarray:

@@ -21,7 +21,7 @@ from ..core.clipped import stays
 from ..core.errors import FitError, InputError, UsageError
 from ..core.record import ImuRecord
 from ..core.units import DEG, not_si, read_in, SI, to_si
-from ..health import in_motion, Selection, unit_doubts
+from ..health import evenly_stamped, in_motion, Selection, unit_doubts
 from ..loop.study import Study
 
 FILE = 'calibration.yaml'
@@ -148,27 +148,51 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
     if more:
         notes.append(f'directions are those of the accelerometer with {" and ".join(more)}, which '
                      'its diagnosis finds')
-    parts = []
+    parts, even, found = [], [], []
+    why: InputError | FitError = InputError('there is no gyroscope', 'record both sensors')
     try:
         for r in records:
             if r.gyro is not None:
                 rests, said = core.held(r, core.rests(r, seconds))
                 parts.append(core.gathered(r, rests, better.correction, gravity))
                 notes += [*said, *core.coarse('gyro', r.gyro, rests, r.rate_hz)]
-        if not parts:
-            raise InputError('there is no gyroscope', 'record both sensors')
-        turns = core.together(parts)
+                again = evenly_stamped(r)
+                even.append(parts[-1] if again is None else core.gathered(
+                    again, rests, better.correction, gravity))
     except InputError as error:
-        if asked:
-            raise
-        return None, (f'the gyroscope is left out: {error.message}',)
-    core.refuse_crossed_axes(turns)
-    try:
-        return core.calibrate_turns(turns, notes, better), ()
-    except (InputError, FitError) as error:
-        if asked:
-            raise
-        return None, (f'the gyroscope is left out: {error.message}',)
+        parts, why = [], error
+    ways = [core.together(parts)] if parts else []
+    if any(e is not p for e, p in zip(even, parts)):
+        ways.append(core.together(even))
+    for turns in ways[:1]:
+        core.refuse_crossed_axes(turns)
+    for turns in ways:
+        try:
+            found.append(core.calibrate_turns(turns, notes, better))
+        except (InputError, FitError) as error:
+            why = error
+    if found:
+        return _borne_out(found), ()
+    if asked:
+        raise why
+    return None, (f'the gyroscope is left out: {why.message}',)
+
+
+def _borne_out(found: list[core.Calibration]) -> core.Calibration:
+    """
+    Return the calibration by which turns miss gravity least: by stamps, or by even samples.
+
+    A driver that stamps late is no clock, and one that asks the sensor samples when it asks: the
+    turns tell which it is.
+
+    """
+    miss = [c.problem.summary(c.fit)['residual_rms'] / DEG for c in found]
+    best = int(np.argmin(miss))
+    if not best:
+        return found[0]
+    return replace(found[best], notes=(
+        *found[best].notes, f'samples are taken as even: turns miss gravity by {miss[best]:.2g} '
+        f'deg rms so, and by {miss[0]:.2g} deg by their stamps, which scatter'))
 
 
 def _clipped_turns(records) -> list[str]:
