@@ -737,6 +737,18 @@ def test_what_is_never_at_rest_has_no_longest_rest():
     assert '(it is nowhere at rest)' in said
 
 
+def test_a_second_is_too_short_to_tell_rest_from_motion():
+    """At rest at 1 kHz it was said to move."""
+    rng = np.random.default_rng(3)
+    r = ImuRecord(1e-3 * rng.standard_normal((1000, 3)), None, np.arange(1000) / 1000, 1000.0)
+    advice = ' '.join(examine(r).advice)
+    assert 'moves' not in advice
+    assert '0.999 s are too short to tell whether the IMU rests' in advice
+    with pytest.raises(InputError, match='too short to tell whether .*with --keep-motion'):
+        prepare(r)
+    assert prepare(r, keep_motion=True).n == 1000
+
+
 def test_counts_are_read_by_what_one_is(tmp_path, capsys):
     """As `inspect` says it; nonsense is wrong usage, in one line."""
     r = bad_input.still(70)

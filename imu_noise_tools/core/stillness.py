@@ -44,9 +44,10 @@ SHAKEN_S = 3.0          # what shakes has gone round within this time
 SWAYS_S = 30.0          # what sways, all the while: a tower, a raft, a long table
 SWAYS = 0.5             # in so many of those times at least
 TILT = 0.0175           # and has turned the sensor no further, rad
+STILL_S = 2.0           # the shortest stretch that is called still: two views
 
 
-def still_stretches(record: ImuRecord, seconds: float = 2.0) -> list[tuple[int, int]]:
+def still_stretches(record: ImuRecord, seconds: float = STILL_S) -> list[tuple[int, int]]:
     """
     Return the stretches at rest.
 

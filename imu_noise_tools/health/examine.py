@@ -21,7 +21,7 @@ from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
 from ..core.record import ImuRecord, Memory, possible
 from ..core.statistics import FAR, grid_step
-from ..core.stillness import finite_mean, longest_rest, span, still_stretches
+from ..core.stillness import finite_mean, longest_rest, span, STILL_S, still_stretches
 from ..core.units import G0, times
 
 # the first twentieth is off by so many times the scatter of those of the second half
@@ -330,16 +330,16 @@ def _length_advice(h: Health) -> list[str]:
         say.append(f'{h.samples} samples are too few to analyse: {RECORDING}.')
     if h.rate_hz is None:
         say.append('The stamps give no rate: give one with --rate-hz.')
-    if h.moving > 0 and h.samples >= LEAST_SAMPLES:
+    if h.duration_s < STILL_S and not h.longest_still_s and h.samples >= LEAST_SAMPLES:
+        say.append(f'{h.duration_s:.3g} s are too short to tell whether the IMU rests: '
+                   f'{RECORDING}.')
+    elif h.moving > 0 and h.samples >= LEAST_SAMPLES:
         rest = (f'the longest rest is {h.longest_still_s:.3g} s' if h.longest_still_s
                 else 'it is nowhere at rest')
         if h.longest_still_s < LEAST_REST_S:
             say.append(f'The IMU moves ({rest}): for the noise, {RECORDING}.')
         else:
-            say.append(
-                f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}, and that is what '
-                'is analysed.'
-            )
+            say.append(f'The IMU moves in {100 * h.moving:.2g} % of the time; {rest}.')
         say += _of_motion(h)
     elif h.duration_s < 3600 and h.samples >= LEAST_SAMPLES:
         say.append(

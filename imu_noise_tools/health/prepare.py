@@ -29,7 +29,7 @@ from ..core.disturbed import disturbance, disturbances
 from ..core.errors import ImuNoiseError, InputError, UsageError
 from ..core.record import Disturbance, ImuRecord, MASKED, Memory, SENSORS
 from ..core.statistics import longest_in_a_row
-from ..core.stillness import handled_ends, longest_rest, span
+from ..core.stillness import handled_ends, longest_rest, span, STILL_S
 
 LEAST_SAMPLES = 100
 LEAST_REST_S = 60.0
@@ -257,6 +257,10 @@ def _at_rest(record: ImuRecord) -> ImuRecord:
     a, b = (pieces[0][0], pieces[-1][1]) if pieces else (0, 0)
     whole = a == 0 and b == record.n
     rest = span(record, pieces)
+    if not pieces and record.duration_s < STILL_S:
+        raise InputError(
+            f'{_name(record)}: {record.duration_s:.3g} s are too short to tell whether the IMU '
+            'rests', f'{RECORDING}, or take it to rest with --keep-motion')
     if not whole and rest + record.dt < LEAST_REST_S:
         raise InputError(
             f'{_name(record)}: the IMU moves; its longest still stretch is {rest:.3g} s, under '
