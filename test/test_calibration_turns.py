@@ -542,6 +542,23 @@ def test_a_gyroscope_that_does_not_turn_has_no_wrong_count():
     assert not any('times as large' in n for n in done.calibration.notes)
 
 
+def test_what_a_sensor_stands_still_for_is_no_pose():
+    """A driver that sends one value until it runs: as a face of its own the fit failed by it."""
+    record = six_faces(7)
+    n = 400
+    late = replace(record, t=np.arange(record.n + n) / 100, gyro=np.concatenate(
+        [np.zeros((n, 3)), record.gyro]), accel=np.concatenate(
+            [np.tile([0.1, 0.2, 9.5], (n, 1)), record.accel]))
+    done, alone = (tasks.calibrate_records([r]).calibration for r in (late, record))
+    np.testing.assert_allclose(done.S, alone.S, atol=1e-9)
+    said = tasks.calibrate_records([late]).study.source['warnings']
+    assert any('accel stands at one value on all axes from 0 s to 3.99 s' in w for w in said)
+    one = record.accel.copy()
+    one[50:350, 0] = one[50:350, 0].mean()          # an axis alone may be coarse
+    several = tasks.calibrate_records([replace(record, accel=one)])
+    assert not any('left out' in w for w in several.study.source['warnings'])
+
+
 def test_a_few_samples_that_are_not_finite_are_missing():
     """As in analyse: left out and counted; more than one in a hundred are refused."""
     record, accel, _ = session(10)

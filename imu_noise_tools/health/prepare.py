@@ -127,7 +127,9 @@ def _too_short(record: ImuRecord) -> list[str]:
 
 def in_motion(record: ImuRecord) -> ImuRecord:
     """
-    Return a record that moves and rests, as it is, but without samples that are not finite.
+    Return a record that moves and rests, as it is, but without samples that are none.
+
+    Those are not finite, or all axes of a sensor stand at one value: nothing measured there.
 
     Raises
     ------
@@ -139,11 +141,26 @@ def in_motion(record: ImuRecord) -> ImuRecord:
     if stamps:
         raise InputError(f'{_name(record)}: {stamps[0]}', stamps[1])
     _finite_enough(record)
+    record = _without_dead(record)
     good = finite(record)
     bad = record.n - int(good.sum())
     if not bad:
         return record
     return record.taken(good, Memory()).warned(f'{bad} sample(s) not finite, treated as missing')
+
+
+def _without_dead(record: ImuRecord) -> ImuRecord:
+    """Return the record without what all axes stand at one value for: one may be coarse."""
+    alive, said = np.ones(record.n, bool), []
+    dead = standing(record)
+    for sensor in SENSORS:
+        ranges = [(d.first, d.first + d.samples) for d in dead if d.axis.startswith(sensor)]
+        begin, end = (over(x) for over, x in zip((max, min), zip(*ranges))) if ranges else (0, 0)
+        if len(ranges) == 3 and begin < end:
+            alive[begin:end] = False
+            said.append(f'the {sensor} stands at one value on all axes from {record.t[begin]:.4g} '
+                        f's to {record.t[end - 1]:.4g} s ({end - begin} samples): left out')
+    return record.taken(alive, Memory()).warned(*said) if said else record
 
 
 def motion_doubts(record: ImuRecord) -> list[str]:
