@@ -189,10 +189,13 @@ def test_a_rung_that_raises_the_error_is_taken_back(tmp_path, analysed):
 
 STOPPED = '''
 import os
+import signal
 import sys
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.loop import study
 
+# a job that a shell began in the background ignores it
+signal.signal(signal.SIGINT, signal.default_int_handler)
 diagnose, first = study.diagnose, []
 
 
