@@ -168,10 +168,11 @@ class _Gathering:
         self._listen(axis)
         # what is loud for a part moves over levels on which the rest stands
         clean, sigma = self.clean[axis][:self.used], quiet_sigma(y, step)[0]
-        quiet = coarse_part(clean, step) if coarse(step, sigma) else clean
-        own['rounding'] = added_by_rounding(quiet, step, sigma)
+        quiet = clean
         if coarse(step, sigma):
+            quiet = coarse_part(clean, step)
             own['before'] = noise_before(quiet, step)
+        own['rounding'] = added_by_rounding(quiet, step, sigma)
         if coarse(step, robust_sigma(y)):
             own['unrounded'] = before_rounding(clean, step)
         own['envelope'] = _envelope(y, self.dt)

@@ -164,8 +164,8 @@ def _by_turns_between(records, accel, gravity, seconds, asked):
     ways = [core.together(parts)] if parts else []
     if any(e is not p for e, p in zip(even, parts)):
         ways.append(core.together(even))
-    for turns in ways[:1]:
-        core.refuse_crossed_axes(turns)
+    if ways:
+        core.refuse_crossed_axes(ways[0])
     for turns in ways:
         try:
             found.append(core.calibrate_turns(turns, notes, better))

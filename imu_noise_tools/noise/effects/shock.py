@@ -460,11 +460,8 @@ def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
     Alone a faint one lasts for a few samples, that pass for spikes; where to look others say.
 
     """
-    own = _loudness(y, inputs.dt)
-    if own is None:
-        return kept
-    length = own[3]
-    heard = np.zeros(len(own[0]), int)
+    length = _block_length(inputs.dt)
+    heard = np.zeros(len(y) // length, int)
     for name, x in _others(inputs).items():
         there = inputs.remembered((_knocks, name), partial(_knocks, x, replace(inputs, axis=name)))
         for begin, end in _blocks(there, length):
@@ -472,6 +469,9 @@ def _fainter(y: np.ndarray, kept: dict[str, np.ndarray],
     known = _blocks(kept, length)
     runs = [(i, j) for i, j in in_a_row(heard >= OTHERS).tolist()
             if not any(begin < j and i < end for begin, end in known)]
+    own = _loudness(y, inputs.dt) if runs else None
+    if own is None:
+        return kept
     ends = zip(('begin', 'end'), length * np.reshape(runs, (-1, 2)).T)
     every = {k: np.append(x, kept.get(k, ())) for k, x in ends}
     found = []
@@ -611,6 +611,11 @@ def _faded(ratio: np.ndarray, end: int, degrees: float) -> int:
     return end + 1
 
 
+def _block_length(dt: float) -> int:
+    """Return how many samples a block has, in which loudness is looked at."""
+    return int(np.clip(round(BLOCK_S / dt), 6, 32))
+
+
 def _loudness(y: np.ndarray, dt: float):
     """
     Return (ratio, level, degrees, length, lasts) of blocks, None where nothing can be said.
@@ -622,7 +627,7 @@ def _loudness(y: np.ndarray, dt: float):
     samples.
 
     """
-    length = int(np.clip(round(BLOCK_S / dt), 6, 32))
+    length = _block_length(dt)
     count = len(y) // length
     if count < 4 * LASTS:
         return None
