@@ -97,7 +97,7 @@ def shell(request, folder):
 
 @pytest.mark.parametrize('typed, whole', [
     ('expo', 'export '), ('analyse x --effects white,flick', 'white,flicker'),
-    ('add my.study --axis gy', 'gyro_'),
+    ('add my.study --axis gy', 'gyro_'), ('diagnose my.study --axis gy', 'gyro_'),
     *(pytest.param(*more, marks=pytest.mark.thorough) for more in (
         ('analyse --effe', '--effects'), ('export my.study --format openv', 'openvins '),
         ('remove my.study random_w', 'random_walk '), ('sheet bmi0', 'bmi088 ')))])

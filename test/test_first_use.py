@@ -9,6 +9,7 @@ import json
 import os
 import pty
 import select
+import shutil
 import subprocess
 import sys
 import time
@@ -252,9 +253,20 @@ def test_the_other_spelling_is_taken(tmp_path, here):
 def test_what_a_study_has_not_is_answered_with_the_nearest(study, capsys):
     for words, meant in ((('add', study, 'sinusiod'), 'sinusoid'),
                          (('add', study, 'sinusoid', '--axis', 'gyrox'), 'gyro_x'),
+                         (('diagnose', study, '--axis', 'gyro_x,accel_y'), 'accel_z'),
                          (('remove', study, 'flickr'), 'flicker')):
         assert main([str(w) for w in words]) == 2
         assert f'did you mean {meant}?' in capsys.readouterr().err
+
+
+def test_one_axis_is_diagnosed_alone(study, tmp_path):
+    """By either spelling; of the others nothing is said, and nothing is known."""
+    shutil.copytree(study, mine := tmp_path / 'mine')
+    out, _ = run('diagnose', mine, '--axes', 'gyro_y')
+    assert 'gyro_y: ' in out and 'gyro_x' not in out and 'accel_z' not in out
+    said = json.loads(run('diagnose', mine, '--axis', 'accel_z,gyro_y', '--axis', 'accel_z',
+                          '--until-complete', '--json')[0])
+    assert list(said['diagnosis']) == ['gyro_y', 'accel_z']
 
 
 @pytest.mark.thorough

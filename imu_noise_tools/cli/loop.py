@@ -44,6 +44,7 @@ def register(commands: Any) -> None:
         help='add the best and diagnose again until nothing is missing; what is done is kept: '
         'once stopped, the same command goes on from there',
     )
+    _axis_option(c)
     c.add_argument('--jobs', type=int, metavar='N',
                    help='how many axes at once, each in a process of its own (default: one a '
                         'processor)')
@@ -86,12 +87,18 @@ def _register_changes(commands) -> None:
     _change_options(c, remove)
 
 
+def _axis_option(c) -> None:
+    """Add ``--axis``, which leaves all others as they are."""
+    axis = c.add_argument(
+        '--axis', '--axes', type=common.names, metavar='A,…', action='extend',
+        help='only these axes, e.g. gyro_x,gyro_y'
+    )
+    completion.offer(axis, completion.axes, several=True)
+
+
 def _change_options(c, func) -> None:
     """Add what is common to ``add`` and ``remove``."""
-    axis = c.add_argument(
-        '--axis', metavar='A', action='append', help='only this axis (may be given again)'
-    )
-    completion.offer(axis, completion.axes)
+    _axis_option(c)
     common.si_option(c)
     common.output_options(c, 'the new rungs of the ladder and the targets')
     c.set_defaults(func=func)
@@ -213,15 +220,16 @@ def diagnose(args: argparse.Namespace) -> int:
 
             tell = None if args.json else told
             # with effects or evidence that are new, what was settled may be no longer
-            settled = study.settled if args.until_complete and not (
-                args.bag or args.effects_from) else []
+            chosen = study.chosen(args.axis)
+            settled = [t for t in study.settled if t in chosen] \
+                if args.until_complete and not (args.bag or args.effects_from) else []
             if settled and tell:
                 common.say_at_once(f'kept from before: {", ".join(settled)} (diagnose without '
                                    '--until-complete looks at them anew)', progress)
                 for target in settled:
                     tell(target)
             return side_by_side.diagnose(
-                study, [t for t in study.targets if t not in settled],
+                study, [t for t in chosen if t not in settled],
                 until_complete=args.until_complete, processes=args.jobs,
                 progress=progress, told=tell, keep=keep)
 
@@ -233,7 +241,8 @@ def diagnose(args: argparse.Namespace) -> int:
         common.print_json(out)
     else:
         if args.until_complete:
-            print(terminal.history(study.history))
+            some = study.chosen(args.axis)
+            print(terminal.history(s for s in study.history if s.target in some))
         if after := terminal.after_diagnosis(study, args.dir):
             print(after)
     return 0

@@ -39,7 +39,8 @@ def register(commands: Any) -> None:
 def model_options(c: argparse.ArgumentParser) -> None:
     """Add what is fitted, and how."""
     axes = c.add_argument(
-        '--axes', type=common.names, metavar='A,…', help='e.g. gyro_x,gyro_y (default: all)'
+        '--axes', '--axis', type=common.names, metavar='A,…',
+        help='e.g. gyro_x,gyro_y (default: all)'
     )
     completion.offer(axes, completion.axes, several=True)
     effects = c.add_argument(

@@ -179,7 +179,7 @@ class Study:
         for t in targets:
             if t not in self.states:
                 raise unknown('axis', t, self.states)
-        return list(targets)
+        return list(dict.fromkeys(targets))
 
     def _step(
         self, target: str, added: str | None = None, removed: str | None = None,
