@@ -25,7 +25,7 @@ from imu_noise_tools.loop.effect import Estimate, find_effect, Model, model_of
 from imu_noise_tools.noise.descent import Known, minimise
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.likelihood import Likelihood
+from imu_noise_tools.noise.likelihood import Likelihood, lost_without, spectrum_without
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Search
 from imu_noise_tools.noise.starts import (
@@ -245,6 +245,20 @@ def test_resolution_of_the_output():
         assert found['rate_quantization']['step'].value == pytest.approx(step, rel=1e-6)
         # what the rounding adds is not counted as noise of the sensor
         assert found['white']['N'].value == pytest.approx(MEMS['N'], rel=0.03)
+
+
+def test_what_rounding_adds_is_not_the_doing_of_a_filter_it_shows_behind():
+    """Of a filter that takes nothing nothing is lost without it, on a coarse grid as well."""
+    y = np.round(0.4 + 0.15 * np.random.default_rng(4).standard_normal(20_000))
+    evidence = gather(record_of(y, dt=0.05), ['gyro_x'])['gyro_x']
+    notch = find_effect('noise', 'notch')({'frequency': 3.0, 'width': 1e-9})
+    found = fit(evidence, model_of('noise', ['white']), intervals=False)
+    model = Model((*found.model, notch))
+    v, each = Likelihood(evidence, 'whole', model).spectra(model)
+    assert np.max(v / each['white']) > 1.1      # what rounding adds
+    behind = replace(found, model=model, details=replace(found.details, v=v, each=each))
+    assert spectrum_without(evidence, behind, 'notch') == pytest.approx(v, rel=1e-3)
+    assert abs(lost_without(evidence, behind, 'notch')) < 0.1
 
 
 # --- the likelihood itself -----------------------------------------------------------------------

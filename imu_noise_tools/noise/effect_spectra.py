@@ -38,11 +38,18 @@ class EffectSpectra:
         self.bins: Bins = evidence.part(part).bins
         self._units = evidence.units[part]
 
-    def of_model(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return (v, {label: v of that effect}), (b,) each; v is 0 of a model without noise."""
+    def of_model(self, model: Model,
+                 leaks: bool = False) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """
+        Return (v, {label: v of that effect}), (b,) each; v is 0 of a model without noise.
+
+        With what leaks and what rounding adds, which shows behind a response that leaves little;
+        of a model that has none where it ``leaks`` all the same.
+
+        """
         each = {e.label: self.spectrum(e, model) for e in model.of(Spectrum)}
         total = sum(each.values(), np.zeros(len(self.bins.f)))
-        if each and any(r.leaks for r in model.of(Response)):
+        if each and (leaks or any(r.leaks for r in model.of(Response))):
             total = total + self._rounding(model, each)
             total = total + leaked(total, self.bins)
         return total, each

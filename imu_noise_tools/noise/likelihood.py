@@ -245,18 +245,19 @@ class Likelihood:
             values.setdefault(slot.label, {})[slot.parameter.name] = slot.from_search(value)
         return self.model.with_values(values)
 
-    def spectra(self, model: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return (v, {label: v of that effect}) in the bins."""
-        total, each = self._own(model)
+    def spectra(self, model: Model,
+                leaks: bool = False) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return (v, {label: v of that effect}) in the bins; ``leaks`` as of effects' spectra."""
+        total, each = self._own(model, leaks)
         return self._with_missed(total, model) if each else total, each
 
     def spectrum(self, model: Model, label: str) -> np.ndarray:
         """Return v (b,) of one effect of a model, as :meth:`spectra` has it."""
         return self._effects.spectrum(cast(Spectrum, model[label]), model)
 
-    def _own(self, model):
+    def _own(self, model, leaks=False):
         """Return :meth:`spectra` less what couplings miss of their sources."""
-        total, each = self._effects.of_model(model)
+        total, each = self._effects.of_model(model, leaks)
         if not each:
             # a model of the mean alone: white noise of the measured level stands in
             total = np.full(len(self.power), float(np.average(self.power, weights=self.weight)))
@@ -383,9 +384,16 @@ class Likelihood:
 
 
 def spectrum_without(evidence: Evidence, fit: Fit, label: str) -> np.ndarray | None:
-    """Return the spectrum (b,) of a fit less one effect; None where no noise would be left."""
-    rest = fit.model.minus(label)
-    return Likelihood(evidence, 'whole', rest).spectra(rest)[0] if rest.of(Spectrum) else None
+    """
+    Return the spectrum (b,) of a fit less one effect; None where no noise would be left.
+
+    What leaks, and what rounding adds, is there all the same: it is not the doing of the response
+    beside which it shows.
+
+    """
+    rest, leaks = fit.model.minus(label), any(r.leaks for r in fit.model.of(Response))
+    return Likelihood(evidence, 'whole', rest).spectra(rest, leaks)[0] \
+        if rest.of(Spectrum) else None
 
 
 def lost_without(evidence: Evidence, fit: Fit, label: str) -> float:
