@@ -15,7 +15,7 @@ from imu_noise_tools.core.spectrum import cosine_transform
 from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.noise.gather import whitened
 from imu_noise_tools.noise.smooth import reference_spectrum
-from imu_noise_tools.noise.sweep import _along_lines, find_sweep, Sweep
+from imu_noise_tools.noise.sweep import _along_lines, find_sweep, HALVED, Sweep
 from imu_noise_tools.tasks.noise import analyse_record
 
 N, DT = 60_000, 0.01
@@ -46,6 +46,16 @@ def test_a_sweep_is_found_with_its_path(first, last, red):
     path = [first + (last - first) * t / T[-1] for t in (said.begin, said.end)]
     assert [said.first, said.last] == pytest.approx(path, abs=1.0)
     assert 0.4 < said.strong / (0.25 * 0.15**2 * N * part) < 1.2
+
+
+@pytest.mark.parametrize('first, last', [(2.18, 10.0), (1.0, 20.0), (30.0, 8.0)])
+def test_a_machine_that_runs_up_by_its_share_is_found(first, last):
+    """A fiftieth of the power of the noise: along straight lines through all of it few were."""
+    for seed in range(3):
+        said = found(white([21, seed]) + 0.2 * chirp(T, first, T[-1], last, 'logarithmic'))
+        assert said.sure > 15 and said.end - said.begin > 0.45 * T[-1]
+        path = [first * (last / first)**(t / T[-1]) for t in (said.begin, said.end)]
+        assert [said.first, said.last] == pytest.approx(path, abs=1.0)
 
 
 @pytest.mark.thorough
@@ -118,7 +128,7 @@ def test_sums_along_lines_are_those_of_the_cells():
 
     sums = {(s, at): sum(power[i, (at + k) % 37] for i, k in enumerate(path(s, 32)))
             for s in range(8, 32) for at in range(37)}
-    _, strong, blocks, _, steps, at = _along_lines(power, 5)
+    _, strong, blocks, _, steps, at = _along_lines(power, 5, 1, HALVED)
     best = max(sums, key=lambda k: sums[k])
     assert (blocks, steps, at) == (32, *best) and strong == pytest.approx(sums[best] - 32)
 
