@@ -212,6 +212,31 @@ def test_packets_that_were_lost_are_counted_exactly():
         assert found.rate_hz == pytest.approx(100, rel=1e-5)
 
 
+@pytest.mark.parametrize('size', [16, 26, 104])
+def test_a_buffer_that_is_read_late_is_no_loss(size):
+    """Stamps counted back from the reading by a nominal rate are late a whole buffer long."""
+    rng, n, rate = np.random.default_rng(size), 60_000, 105.352
+    k = np.arange(n)
+    last = np.minimum(k // size * size + size - 1, n - 1)
+    read = last / rate + rng.exponential(0.012, n // size + 1)[k // size]
+    t = np.maximum.accumulate(np.round(1e3 * (read - (last - k) / 104)) / 1e3)
+    found = fit_clock(t)
+    assert found.missing == 0 and len(found.steps) == 0
+    assert found.rate_hz == pytest.approx(rate, rel=5e-6)
+    found = fit_clock(np.delete(t, np.r_[20_000:20_000 + 2 * size]))
+    assert found.lost.tolist() == [2 * size]
+
+
+def test_the_pauses_of_a_reader_are_no_losses():
+    """Seventeen samples taken at once, 1.5 ms each, do not come at 667 Hz with more lost."""
+    rng, n, rate = np.random.default_rng(4), 120_000, 285.714
+    read = np.cumsum(0.06 * rng.uniform(0.8, 1.2, 8000))
+    turn = np.searchsorted(read, np.arange(n) / rate)
+    t = np.maximum.accumulate(read[turn] + 1.5e-3 * (np.arange(n) - np.searchsorted(turn, turn)))
+    found = fit_clock(t)
+    assert found.missing == 0 and found.rate_hz == pytest.approx(rate, rel=1e-4)
+
+
 def test_the_beat_of_ticks_is_no_loss():
     """Stamps in milliseconds at 1 kHz skip one whenever the clocks have slipped by one."""
     rng = np.random.default_rng(3)

@@ -216,8 +216,12 @@ def _counted(interval: np.ndarray) -> float:
         return 0.0
     usual = float(np.mean(some[np.abs(some - usual) < WHOLE * usual]))
     whole = np.round(some / usual)
-    told = (whole >= 1) & (whole <= COUNTED) & (np.abs(some - whole * usual) < WHOLE * usual)
+    near = np.abs(some - whole * usual) < WHOLE * usual
+    told = (whole >= 1) & (whole <= COUNTED) & near
     several = float(np.mean(whole > 1))
+    # of the pauses of a reader that takes a buffer at once three of five are that near by chance
+    if several and np.mean(near[whole > 1]) < 1 - OFTEN:
+        return 0.0
     # what is seldom lost needs no counting, and what comes late is caught up in no time
     if np.mean(told) < 1 - OFTEN or several < OFTEN or np.mean(whole < 1) > OFTEN * several:
         return 0.0
@@ -277,17 +281,36 @@ class _Lag:
         interval = np.diff(self.t)
         some = _thinned(interval)
         off = some - self.period * np.maximum(np.round(some / self.period), 1)
-        if not self.beats and _scatter(off) < GOOD * self.period:
+        good = not self.beats and _scatter(off) < GOOD * self.period
+        buffer = self._buffer(interval) if good else 0.0
+        if good and not buffer:
             self._by_sample(interval)
             if not tick and _scatter(some - self.period) < FINE * self.period:
                 self._set_back(interval)
         else:
-            self._by_level()
+            self._by_level(buffer)
         self._without_beat(interval, tick)
         self.period = self._fitted()
         if self._recounted():
             self.period = self._fitted()
         return self
+
+    def _buffer(self, interval: np.ndarray) -> float:
+        """
+        Return a length above that of the buffers by which stamps are late, samples; 0: by none.
+
+        Within a buffer such stamps may be perfectly even, and what came late is caught up by the
+        next buffer, far from the late interval. Early intervals that no late one just before asks
+        for tell them: clocks are not set so often.
+
+        """
+        early = np.flatnonzero(interval < (1 - STEP) * self.period)
+        if len(early) < SELDOM * self.n:
+            return 0.0
+        late = np.flatnonzero(interval > (1 + STEP) * self.period)
+        until = np.maximum.accumulate(np.r_[0, late + _reach(interval[late] / self.period)])
+        alone = int(np.sum(until[np.searchsorted(late, early)] < early))
+        return self.n / alone if alone > SELDOM * self.n else 0.0
 
     def _by_sample(self, interval: np.ndarray) -> None:
         """
@@ -318,7 +341,7 @@ class _Lag:
 
     def _stays(self, k: int, begin: int, interval: np.ndarray) -> float:
         """Return what stays of a late interval, of those since ``begin``, in periods."""
-        reach = 2 * NEAR + 4 * int(min(interval[k] / self.period, 4 * MANY))
+        reach = int(_reach(interval[k] / self.period))
         near = slice(max(begin, k + 1 - NEAR), k + 1)
         far = slice(k + 1, k + 1 + reach)
         before = np.min(self.t[near] - self.period * np.arange(*near.indices(self.n)))
@@ -350,10 +373,10 @@ class _Lag:
             self.steps = np.vstack([self.steps, steps])
             self.steps = self.steps[np.argsort(self.steps[:, 0])]
 
-    def _by_level(self) -> None:
+    def _by_level(self, buffer: float) -> None:
         """Find the losses of rough stamps, as steps between the levels of blocks."""
         lag = self.t - self.period * np.arange(self.n)
-        levels, noise = self._levels(lag)
+        levels, noise = self._levels(lag, buffer)
         self.resolvable = max(1, int(np.ceil(SURE * noise / self.period)))
         where, size = self._clusters(levels, noise)
         x = size / self.period
@@ -390,10 +413,17 @@ class _Lag:
         self.lost = np.append(self.lost[kept], np.array(list(lost.values()), np.int64)[few])[order]
         self.steps = self.steps[others(self.steps[:, 0])]
 
-    def _levels(self, lag: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the levels of the finest blocks that scatter little, and their scatter, s."""
+    def _levels(self, lag: np.ndarray, buffer: float) -> tuple[np.ndarray, float]:
+        """
+        Return the levels of the finest blocks that scatter little, and their scatter, s.
+
+        A block holds several buffers: within one the stamps are as good as their first.
+
+        """
         best: tuple[float, np.ndarray] = (np.inf, lag[:2])
         for scale in SCALES:
+            if scale < min(buffer, SCALES[-1]):
+                continue
             count = self.n // scale
             if count < LEAST_BLOCKS and np.isfinite(best[0]):
                 break
@@ -583,6 +613,11 @@ def _regular(at: np.ndarray, n: int) -> np.ndarray:
             if found > max(np.sum(best), 5, 0.8 * (n / distance - 1), chance + 8 * chance**0.5):
                 best = member
     return best
+
+
+def _reach(late: np.ndarray) -> np.ndarray:
+    """Return after how many samples an interval of so many periods has been caught up."""
+    return 2 * NEAR + 4 * np.minimum(late, 4 * MANY).astype(np.int64)
 
 
 def _scatter(x: np.ndarray) -> float:
