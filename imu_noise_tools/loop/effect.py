@@ -186,7 +186,7 @@ class Effect:
     stays: ClassVar[bool] = False
     # does it say where something is, and not what? it is tried where nothing that has a name holds
     nameless: ClassVar[bool] = False
-    # views whose failure casts no doubt on it: it may cause that itself
+    # views whose failure casts no doubt on it: it may cause that itself, or has no part in it
     aside: ClassVar[tuple[str, ...]] = ()
     # parameters that do nothing unless the record asks for them: priced only where they are used
     optional: ClassVar[tuple[str, ...]] = ()

@@ -70,6 +70,8 @@ class Temperature(Mean):
     )
     neutral = {'lag': 0.0, 'smoothing': 0.0}
     optional = ('curvature', 'cubed', 'course')
+    # how the whitened samples lie: of thousands of coefficients its course fills a few
+    aside = ('distribution',)
     of_readings = True
 
     @classmethod
