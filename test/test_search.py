@@ -87,9 +87,10 @@ def test_a_shadow_falls_by_the_measure_of_what_casts_it(search):
     assert not search.against.shadowed(model, 'narrowband', sharp), 'nothing imitates it'
 
 
-@pytest.mark.parametrize(('fails', 'doubted'), [('distribution', False), ('frequency', True)])
-def test_whitened_samples_cast_no_shadow_on_a_temperature(search, fails, doubted):
-    """A strong line leaves them unlike noise, and a drift by some degrees is there all the same."""
+@pytest.mark.parametrize(('fails', 'doubted'), [
+    ('distribution', False), ('coherence', False), ('frequency', True)])
+def test_a_line_that_all_axes_hear_casts_no_shadow_on_a_temperature(search, fails, doubted):
+    """Samples unlike noise and axes that share a hum say nothing of a drift by some degrees."""
     search.places.tests = lambda model: [Finding(fails, 4384.0, view=fails, p_value=0.0)]
     said = search.against.shadowed(model_of('noise', ('white', 'temperature')), 'temperature',
                                    found('temperature', 'time', 260.0))

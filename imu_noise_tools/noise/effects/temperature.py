@@ -70,8 +70,9 @@ class Temperature(Mean):
     )
     neutral = {'lag': 0.0, 'smoothing': 0.0}
     optional = ('curvature', 'cubed', 'course')
-    # how the whitened samples lie: of thousands of coefficients its course fills a few
-    aside = ('distribution',)
+    # of the thousands of coefficients that make the whitened samples its course fills a few; other
+    # axes follow the temperature as well, and what they share at high frequencies is none of it
+    aside = ('distribution', 'coherence')
     of_readings = True
 
     @classmethod
