@@ -6,8 +6,9 @@ A line that sweeps: a machine that runs up or down.
 
 Spread over many frequencies and all of the time it is lost in every bin and every block, and bends
 the spectrum like a filter. Along its own path, a line in time and frequency that is straight, or
-bent a little in its middle, it is not: sums along all such lines through the power of short blocks,
-by the discrete Radon transform of Brady (SIAM J. Comput. 27, 1998), which takes n ln n additions.
+bent a little in its middle, it is not: sums along all such lines through the power of short
+blocks, by the discrete Radon transform of Brady (SIAM J. Comput. 27, 1998), which takes n ln n
+additions.
 A line that stays, comes and goes, or wanders about its frequency only crosses such paths, and is
 loud where it does: what follows one is seen in every sixteenth of it.
 
@@ -198,9 +199,9 @@ def _bent(halves: Sequence[np.ndarray], fewest: int, looks: int,
     """
     Return what :func:`_along_lines` does, of lines that are bent in their middle.
 
-    Of the sums and the least parts of halves (k, w / 2, m) of lines of w blocks. One that is surer than
-    ``least`` has a half that is as loud, on the mean, as all of it must be: the loudest of those
-    are followed on to the other side, each by a few steps more or less.
+    Of the sums and the least parts of halves (k, w / 2, m) of lines of w blocks. One that is surer
+    than ``least`` has a half that is as loud, on the mean, as all of it must be: the loudest of
+    those are followed on to the other side, each by a few steps more or less.
 
     """
     best = (0.0, 0.0, 1, 0, 0, 0)
