@@ -227,6 +227,16 @@ def test_a_buffer_that_is_read_late_is_no_loss(size):
     assert found.lost.tolist() == [2 * size]
 
 
+def test_stamps_that_scatter_are_not_told_as_duplicates():
+    """Of those that fall back it is said so, and once: of 3 given twice among them 3 are told."""
+    rng, n = np.random.default_rng(8), 20_000
+    t = np.arange(n) / 100 + np.repeat(rng.uniform(0, 0.06, n // 20), 20)
+    t[[1003, 5003, 9003]] = t[[1002, 5002, 9002]]
+    assert np.sum(np.diff(t) < 0) > 200
+    said = ordered(ImuRecord(rng.standard_normal((n, 3)), None, t, None)).warnings
+    assert any('3 duplicate stamps' in s for s in said) and any('they scatter' in s for s in said)
+
+
 def test_the_pauses_of_a_reader_are_no_losses():
     """Seventeen samples taken at once, 1.5 ms each, do not come at 667 Hz with more lost."""
     rng, n, rate = np.random.default_rng(4), 120_000, 285.714

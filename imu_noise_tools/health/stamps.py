@@ -107,10 +107,11 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         keep[twice] = False
         record = record.taken(keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
-    if found.duplicate and np.any(raw[1:] == raw[:-1]):
+    same = int(np.sum(raw[1:] == raw[:-1]))     # those that were held are told as what they are
+    if found.duplicate and same:
         said.append(
-            f'{times(found.duplicate, "duplicate stamp")} with different data: the samples were '
-            'kept'
+            f'{times(min(found.duplicate, same), "duplicate stamp")} with different data: the '
+            'samples were kept'
         )
     return record.warned(*said)
 
