@@ -204,34 +204,40 @@ def _bent(halves: Sequence[np.ndarray], fewest: int, looks: int,
     those are followed on to the other side, each by a few steps more or less.
 
     """
-    best = (0.0, 0.0, 1, 0, 0, 0)
     early, late = (halves[0][k::2] for k in (0, 1))
     halved = len(halves) - 1
-    early_parts, late_parts = (halves[max(halved - 1, 0)][k::2] for k in (0, 1))
+    parts = [halves[max(halved - 1, 0)][k::2] for k in (0, 1)]
     tall, cells = early.shape[1:]
     w = 2 * tall
-    loud = 0.5 * w * _as_sure_as(least, w, looks)
+    paths = _bends(early, late, 0.5 * w * _as_sure_as(least, w, looks))
+    window, before, after, first = paths
+    steps = before + after
+    paths = paths[:, (np.minimum(before, after) >= 0) & (np.maximum(before, after) < tall)
+                  & (steps >= fewest) & (first >= 0) & (first + steps < cells)]
+    if not paths.size:
+        return (0.0, 0.0, 1, 0, 0, 0)
+    window, before, after, first = paths
+    one, two = (window, before, first), (window, after, first + before)
+    sums = early[one] + late[two]
+    counted = _counted(sums, np.minimum(parts[0][one], parts[1][two]), w, halved)
+    k = int(np.argmax(counted))
+    return (_sure(float(counted[k]), w, looks), float(sums[k]) - w, w, int(window[k]),
+            int(before[k] + after[k]), int(first[k]))
+
+
+def _bends(early: np.ndarray, late: np.ndarray, loud: float) -> np.ndarray:
+    """
+    Return (stretch, steps in each half, cell at the beginning) of lines, (4, c).
+
+    Of those with a half, of the sums (k, w, m) of early and late ones, that is so loud.
+
+    """
     bends = np.arange(-BENT, BENT + 1)
-    for here in (early, late):
-        window, steps, at = (x[:, None] for x in _loudest(here, loud))
-        other = steps + bends
-        before, after = (steps, other) if here is early else (other, steps)
-        first = at if here is early else at - before
-        there = (other >= 0) & (other < tall) & (before + after >= fewest) & \
-            (first >= 0) & (first + before + after < cells)
-        window, before, after, first = (
-            np.broadcast_to(x, there.shape)[there] for x in (window, before, after, first))
-        if not len(first):
-            continue
-        one, two = (window, before, first), (window, after, first + before)
-        sums = early[one] + late[two]
-        counted = _counted(sums, np.minimum(early_parts[one], late_parts[two]), w, halved)
-        k = int(np.argmax(counted))
-        sure = _sure(float(counted[k]), w, looks)
-        if sure > max(best[0], least):
-            best = (sure, float(sums[k]) - w, w, int(window[k]), int(before[k] + after[k]),
-                    int(first[k]))
-    return best
+    window, before, first = (x[:, None] for x in _loudest(early, loud))
+    onwards = np.broadcast_arrays(window, before, before + bends, first)
+    window, after, middle = (x[:, None] for x in _loudest(late, loud))
+    back = np.broadcast_arrays(window, after + bends, after, middle - (after + bends))
+    return np.concatenate([np.reshape(x, (4, -1)) for x in (onwards, back)], axis=1)
 
 
 def _as_sure_as(sure: float, w: int, looks: int) -> float:
