@@ -101,7 +101,7 @@ def smooth_misfit(evidence: Evidence, fit: Fit) -> Finding:
     where = f', too much power at {narrow}' if narrow else _where(f, x, w)
     return Finding('shape', gain, view='frequency',
                    p_value=float(chdtrc(KNOTS - used, 2 * max(gain, 0.0))),
-                   evidence=f'a smooth form fits the spectrum better by {gain:.1f} nats{where}',
+                   evidence=f'a smooth form fits the spectrum better by {gain:.3g} nats{where}',
                    where=narrow)
 
 
@@ -163,7 +163,7 @@ def slow_misfit(evidence: Evidence, fit: Fit) -> Finding:
     gain = float(gains[kind, few])
     return Finding('course', gain, view='time', p_value=min(float(chances[kind, few]), 1.0),
                    evidence=f'{FIRST[few]} slow cosines of {SLOWLY[kind]} fit the mean better by '
-                            f'{gain:.1f} nats')
+                            f'{gain:.3g} nats')
 
 
 def mean_gain(evidence: Evidence, fit: Fit) -> tuple[float, bool]:
