@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 import os
 from pathlib import Path
 
@@ -35,9 +36,11 @@ ROOT = Path(__file__).resolve().parents[1]
 LONG_FILES = ('manual', 'noise_loop', 'noise_rivals', 'fleet', 'clean_install', 'node_analyser',
               'ladder_processes', 'explore_browser', 'noise_forms', 'noise_samples', 'filter_loop',
               'noise_fit', 'python', 'explore', 'noise_lines', 'noise_robust', 'noise_effects',
-              'commands_bad_input', 'plots', 'first_use', 'noise_smooth', 'two_topics', 'bag',
+              'commands_bad_input', 'plots', 'first_use', 'noise_smooth', 'noise_band', 'bag',
+              'calibration_turns', 'noise_thermal', 'health', 'side_by_side', 'two_topics',
               'other_types', 'filter_smoother', 'filter_engine', 'own_effects', 'node_filter',
-              'calibration_turns', 'calibration_effects', 'report', 'node_start_stop')
+              'store', 'calibration_effects', 'report', 'node_start_stop', 'record',
+              'calibration_session')
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -74,6 +77,15 @@ def ros_session(tmp_path_factory):
     client = Ros(tmp_path_factory.mktemp('nodes'))
     yield client
     client.close()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave out the pictures of studies, which are most of the time of a short analysis."""
+    from imu_noise_tools import report
+    from imu_noise_tools.plots import style
+    blank = style.png(style.new_figure(1, 1))
+    monkeypatch.setattr(report, 'pictures', lambda study: defaultdict(lambda: blank))
 
 
 @pytest.fixture

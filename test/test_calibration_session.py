@@ -447,7 +447,7 @@ def test_apply_says_what_it_assumes_and_what_is_missing(faces_npz, tmp_path, cap
 
 
 @pytest.mark.parametrize('bent, command', [(0, 'apply BAG'), (2e-3, 'calibrate BAG MORE')])
-def test_what_to_run_after_a_calibration(tmp_path, capsys, bent, command):
+def test_what_to_run_after_a_calibration(undrawn, tmp_path, capsys, bent, command):
     """Six faces cannot tell i^2 from |i|, by which the values differ: more poses decide that."""
     rng = np.random.default_rng(1)
     _, ups = sim.faces(2)

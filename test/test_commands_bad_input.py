@@ -43,9 +43,8 @@ bias: [0.0, 0.0, 0.0]
 
 
 @pytest.fixture
-def quick(monkeypatch):
-    """Leave out the pictures, which are most of the time of an analysis."""
-    monkeypatch.setattr(report, 'pictures', lambda study: collections.defaultdict(bytes))
+def quick(undrawn, monkeypatch):
+    """Leave out the pictures, and the page."""
     monkeypatch.setattr(report, 'html', lambda *_, **__: '')
 
 

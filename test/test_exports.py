@@ -519,7 +519,8 @@ def test_of_an_output_coarser_than_its_noise_n_is_that_in_motion():
     n, rate, step = 30_000, 100.0, 0.15
     accel = 0.2 * step * rng.standard_normal((n, 3))
     study = analyse_record(ImuRecord(1e-3 * rng.standard_normal((n, 3)),
-                                     step * np.round(accel / step), np.arange(n) / rate, rate))
+                                     step * np.round(accel / step), np.arange(n) / rate, rate),
+                           axes=('gyro_x', 'accel_x', 'accel_y', 'accel_z'))
     written = np.sqrt(kalibr(export.export(study, 'kalibr'))['accel'][0])
     fitted = max(s.fit.estimates['white']['N'].value for a, s in study.states.items()
                  if 'accel' in a)

@@ -4,6 +4,7 @@
 """What is drawn for lost samples: the spectrum, levels and grids of those that were not lost."""
 
 import numpy as np
+from params import daily
 import pytest
 from scipy.signal import butter, lfilter
 
@@ -108,7 +109,7 @@ def test_coarse_late_and_buffered_stamps_are_not_counted_as_losses():
         assert clock.missing < 10, name
 
 
-@pytest.mark.parametrize('share', [0.02, 0.1, 0.3])
+@pytest.mark.parametrize('share', daily([0.02, 0.1, 0.3], 0.3))
 def test_white_noise_of_which_samples_were_lost_has_its_level(share):
     """Before, 0.994 of it, 1.077 and 1.19, with intervals of 1 %, and a filter was named."""
     rng, n = np.random.default_rng([12, int(100 * share)]), 60_000

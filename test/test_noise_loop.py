@@ -60,7 +60,7 @@ OF_PAIRS = {'quantization', 'duplicates', 'shared_noise', 'step'}
 
 
 @pytest.mark.parametrize('name', daily(
-    [n for n in hidden.KNOWN if n not in OF_PAIRS], 'sinusoid', 'variance_change'))
+    [n for n in hidden.KNOWN if n not in OF_PAIRS], 'variance_change'))
 def test_what_is_hidden_is_named_and_added(name):
     """Five times as strong as the noise: named at once; added, the error falls to chance."""
     strength = STRENGTH.get(name, 5.0)

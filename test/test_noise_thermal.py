@@ -210,7 +210,7 @@ def test_one_slope_costs_one_free_parameter(seed):
     x = 1e-3 * (rng.standard_normal((len(t), 3)) + np.outer(
         warmth, [5.2 / np.sqrt(np.sum(warmth ** 2)), 0.0, 0.0]))
     record = ImuRecord(x, None, t, RATE, covariates={'temperature': 24 + warmth})
-    said = analyse_record(record, keep_motion=True).diagnose(['gyro_x', 'gyro_y'])
+    said = analyse_record(record, axes=('gyro_x', 'gyro_y'), keep_motion=True).diagnose()
     assert [f.name for f in said['gyro_x'].found] == ['temperature']
     assert 6 < said['gyro_x'].found[0].gain < 25
     assert said['gyro_y'].verdict == 'complete'

@@ -147,7 +147,7 @@ def turned(record, begin, angle_deg, seconds=1.0) -> ImuRecord:
 
 
 @pytest.mark.parametrize('grade', ['tactical', 'mems', 'cheap'])
-@pytest.mark.parametrize('angle', [5.0, 30.0, 90.0, 180.0])
+@pytest.mark.parametrize('angle', daily([5.0, 30.0, 90.0, 180.0], 5.0, 180.0))
 def test_a_turn_is_motion(grade, angle):
     """A step of orientation parts two rests, for any grade; the longer one is analysed."""
     r = turned(record_of(200, 100, *GRADES[grade], seed=3), 70.0, angle)

@@ -491,7 +491,7 @@ def test_views_fail_by_the_one_rule():
     assert [v.name for v in words.failing(Score.of(views))] == ['b', 'time']
 
 
-def test_verdicts_are_printed_one_by_one(study, tmp_path, capsys, monkeypatch):
+def test_verdicts_are_printed_one_by_one(study, undrawn, tmp_path, capsys, monkeypatch):
     """In text the first is there, flushed, while the second is asked for; as one text in JSON."""
     folder, seen = tmp_path / 's', []
     save(study, folder)
