@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from contextlib import contextmanager
 import os
 from pathlib import Path
 
@@ -79,13 +80,27 @@ def ros_session(tmp_path_factory):
     client.close()
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave out the pictures of studies, which are most of the time of a short analysis."""
+@contextmanager
+def _undrawn():
     from imu_noise_tools import report
     from imu_noise_tools.plots import style
     blank = style.png(style.new_figure(1, 1))
-    monkeypatch.setattr(report, 'pictures', lambda study: defaultdict(lambda: blank))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, 'pictures', lambda study: defaultdict(lambda: blank))
+        yield
+
+
+@pytest.fixture(scope='session')
+def without_pictures():
+    """Return what makes a context in which a fixture writes studies as ``undrawn``."""
+    return _undrawn
+
+
+@pytest.fixture
+def undrawn():
+    """Leave out the pictures of studies, which are most of the time of a short analysis."""
+    with _undrawn():
+        yield
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ ever.
 """
 
 import builtins
-import collections
 import errno
 import hashlib
 import os
@@ -56,12 +55,11 @@ def corpus(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
-def good(tmp_path_factory):
+def good(tmp_path_factory, without_pictures):
     """Return a folder with a good bag, its study and a calibration."""
     folder = tmp_path_factory.mktemp('good')
     write_bag(folder / 'x.mcap', bad_input.still(61))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, 'pictures', lambda study: collections.defaultdict(bytes))
+    with pytest.MonkeyPatch.context() as patch, without_pictures():
         patch.setattr(report, 'html', lambda *_, **__: '')
         # of two effects: every command that opens the study fits them again
         noise_tasks.analyse(folder / 'x.mcap', folder / 'x.study', axes=['gyro_x', 'accel_z'],

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 import json
 import shutil
 
@@ -14,7 +13,7 @@ import explore_study
 import numpy as np
 import pytest
 
-from imu_noise_tools import export, report, store
+from imu_noise_tools import export, store
 from imu_noise_tools.calibration import base_model, CalibrationProblem, Poses
 from imu_noise_tools.calibration.poses import unit
 from imu_noise_tools.cli.main import main
@@ -37,10 +36,9 @@ def silent(share, what=''):
 
 
 @pytest.fixture(scope='module')
-def made(tmp_path_factory):
+def made(tmp_path_factory, without_pictures):
     """Return a study that nobody changes; its pictures nobody looks at."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, 'pictures', lambda study: defaultdict(bytes))
+    with without_pictures():
         return explore_study.study(tmp_path_factory.mktemp('explore') / 'a.study')
 
 

@@ -4,13 +4,12 @@
 """
 A camera's IMU: gyroscope and accelerometer on topics of their own, at rates of their own.
 
-The bag beside the single analyses of its topics, through the installed command.
+The bag beside the single analyses of its topics; the loop on it through the installed command.
 
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 import csv
 import json
 import subprocess
@@ -22,7 +21,7 @@ import numpy as np
 import pytest
 import yaml
 
-from imu_noise_tools import api, report
+from imu_noise_tools import api
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.record import ImuRecord
@@ -40,12 +39,11 @@ def run(*words, status=0):
 
 
 @pytest.fixture(scope='module')
-def studies(tmp_path_factory):
+def studies(tmp_path_factory, without_pictures):
     """Analyse the bag whole, and each of its topics alone; return the folder of all."""
     folder = tmp_path_factory.mktemp('camera')
     bag = camera_bag(folder / 'camera.mcap', seconds=120)
-    with pytest.MonkeyPatch.context() as patch:     # every picture of its kind others draw
-        patch.setattr(report, 'pictures', lambda study: defaultdict(bytes))
+    with without_pictures():
         for name, *topic in (('both',), ('gyro', '--topic', GYRO), ('accel', '--topic', ACCEL)):
             assert main(['analyse', str(bag), '-o', str(folder / name), *topic]) == 0
     return folder
