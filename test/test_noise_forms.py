@@ -25,7 +25,8 @@ from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import flexible, Inputs, rivals, shared, slow_part
 from imu_noise_tools.noise.block_means import time
-from imu_noise_tools.noise.candidates import _of_levels, at_bound, candidates, clear_of_less
+from imu_noise_tools.noise.candidates import candidates, clear_of_less
+from imu_noise_tools.noise.doubts import at_bound, of_levels
 from imu_noise_tools.noise.dwells import two_levels
 from imu_noise_tools.noise.evidence import REMEMBERED
 from imu_noise_tools.noise.gather import gather
@@ -544,7 +545,7 @@ def test_a_step_no_further_than_levels_are_apart_is_one_of_their_jumps(far, own)
     evidence = evidence_of(1e-3 * y, 50.0)
     model = model_of('noise', ('white', 'rts')).with_values({'rts': {'step': 1e-3, 'tau': 0.5}})
     step = find_effect('noise', 'step')({'size': far * 1e-3, 'time': 100.0})
-    assert ('jumps to and fro' in _of_levels(evidence, model, step)) == own
+    assert ('jumps to and fro' in of_levels(evidence, model, step)) == own
 
 
 @pytest.mark.thorough

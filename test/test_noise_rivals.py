@@ -29,9 +29,11 @@ from imu_noise_tools.core.statistics import kurtosis_pull
 from imu_noise_tools.loop.effect import find_effect, Finding, Model, model_of, registry
 from imu_noise_tools.loop.verdict import DIRECTED, FLEXIBLE
 from imu_noise_tools.noise import (
-    candidates, coupled, flexible, in_time, likelihood, nameless, normality, rivals, shared
+    candidates, coupled, flexible, in_time, likelihood, nameless, normality, refitted, rivals,
+    shared
 )
-from imu_noise_tools.noise.candidates import _one as tried, at_bound, by_one_measure, Tried
+from imu_noise_tools.noise.candidates import _one as tried, by_one_measure, Tried
+from imu_noise_tools.noise.doubts import at_bound
 from imu_noise_tools.noise.effects.low_pass import AVERAGED
 from imu_noise_tools.noise.effects.variance_change import TIMES, VarianceChange
 from imu_noise_tools.noise.explained import Explained
@@ -373,11 +375,11 @@ def test_a_clear_peak_that_ends_at_its_bound_is_asked_in_its_other_forms(
         return SimpleNamespace(model=model_of('noise', ('white',)).plus(effect),
                                estimates={'narrowband': {}})
 
-    monkeypatch.setattr(candidates, '_refitted', lambda e, f, effect: fit_of(effect))
-    monkeypatch.setattr(candidates, 'at_bound', lambda e, effect, s: effect['form'] not in kept)
-    monkeypatch.setattr(candidates, '_gain', lambda e, f, more, partly: gain + more.model[
+    monkeypatch.setattr(refitted, 'refitted', lambda e, f, effect: fit_of(effect))
+    monkeypatch.setattr(refitted, 'at_bound', lambda e, effect, s: effect['form'] not in kept)
+    monkeypatch.setattr(refitted, 'gain_of', lambda e, f, more, partly: gain + more.model[
         'narrowband']['form'])
-    best = candidates._within_bounds(None, None, fit_of(cls({'frequency': 5.0, 'form': 2.0})))
+    best = refitted.within_bounds(None, None, fit_of(cls({'frequency': 5.0, 'form': 2.0})))
     assert best.model['narrowband']['form'] == form
 
 
@@ -1202,14 +1204,14 @@ def test_where_a_response_was_left_open_a_filter_is_looked_for_in_all_of_the_spe
     fit = NoiseProblem(e['gyro_x']).point(model_of('noise', ('white', 'flicker', 'random_walk')))
     assert fit.details.hint.order.terms
     begun = []
-    original = candidates.fit_part
+    original = refitted.fit_part
 
     def seen(*given, hint=None, **named):
         begun.append(hint)
         return original(*given, hint=hint, **named)
 
-    monkeypatch.setattr(candidates, 'fit_part', seen)
-    more = candidates._refitted(e['gyro_x'], fit, find_effect('noise', 'low_pass')())
+    monkeypatch.setattr(refitted, 'fit_part', seen)
+    more = refitted.refitted(e['gyro_x'], fit, find_effect('noise', 'low_pass')())
     assert begun[0] is None
     assert more.model['low_pass']['cutoff'] == pytest.approx(0.443 * rate / 4.2, rel=0.05)
 

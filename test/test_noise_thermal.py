@@ -11,7 +11,8 @@ from scipy.signal import lfilter
 from imu_noise_tools.core.record import ImuRecord
 from imu_noise_tools.loop.effect import find_effect, model_of
 from imu_noise_tools.noise import thermal
-from imu_noise_tools.noise.candidates import candidates, hidden_by_steps
+from imu_noise_tools.noise.candidates import candidates
+from imu_noise_tools.noise.doubts import hidden_by_steps
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.stairs import hidden, missed, unrounded

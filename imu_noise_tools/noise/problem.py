@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from . import block_means, classic, flexible, in_frequency, in_samples, in_time, rivals, views
-from .candidates import (
-    at_bound, candidates, hidden_by_steps, no_more_than_chance, no_more_than_less, of_its_kind,
-    price_by_chance, Tried
-)
+from .candidates import candidates, no_more_than_chance, no_more_than_less, Tried
 from .curve import model_curve
 from .differences import differences, without_rounding
+from .doubts import at_bound, hidden_by_steps
 from .evidence import Evidence, from_arrays, to_arrays
 from .fit import beside, fit as fit_part
+from .gains import of_its_kind, price_by_chance
 from .kinds import Coupling, Defect, Line, Mean, MEASURED, NoiseEffect, Response, Spectrum
 from .level import clipped, in_motion, with_level_notes
 from .materiality import Materiality, materiality
