@@ -22,7 +22,7 @@ from imu_noise_tools.core.allan import cluster_sizes, curve
 from imu_noise_tools.core.units import DEG, G0
 from imu_noise_tools.loop import verdict
 from imu_noise_tools.loop.effect import find_effect, Model
-from imu_noise_tools.noise.kinds import model_avar, model_psd
+from imu_noise_tools.noise.behind import model_avar, model_psd
 from imu_noise_tools.plots.style import (
     AXES, CHANCE, dress, EFFECTS, FAIL, GOOD, label_lines, log_scale, MEASURED, MODEL, new_figure,
     SMALL)

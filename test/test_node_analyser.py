@@ -19,7 +19,7 @@ import pytest
 from imu_noise_tools.bag import open_record
 from imu_noise_tools.bag.writing import write_bag
 from imu_noise_tools.core.record import AXES, ImuRecord
-from imu_noise_tools.noise.kinds import model_avar
+from imu_noise_tools.noise.behind import model_avar
 from imu_noise_tools.store import load, study_to_dict
 from imu_noise_tools.tasks.noise import analyse_record
 from nodes_support import (

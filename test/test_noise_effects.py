@@ -32,9 +32,9 @@ from imu_noise_tools.noise import (
     Response,
     Spectrum,
 )
+from imu_noise_tools.noise.behind import gain2_of
 from imu_noise_tools.noise.fit import fit
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.kinds import gain2_of
 from imu_noise_tools.noise.slower import as_measured
 
 DT = 0.02

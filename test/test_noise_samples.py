@@ -25,13 +25,14 @@ from imu_noise_tools.loop.effect import find_effect, Model, model_of
 from imu_noise_tools.loop.prediction import fall_of
 from imu_noise_tools.loop.verdict import FALL
 from imu_noise_tools.noise import repeated
+from imu_noise_tools.noise.behind import model_psd
 from imu_noise_tools.noise.curve import effect_avar
 from imu_noise_tools.noise.effects.rate_quantization import RateQuantization
 from imu_noise_tools.noise.effects.shock import _beyond_the_spectrum, _fainter, _loud
 from imu_noise_tools.noise.effects.spikes import _gain, _swing, Spikes
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.in_frequency import coherence
-from imu_noise_tools.noise.kinds import Inputs, model_psd, Response, Spectrum
+from imu_noise_tools.noise.kinds import Inputs, Response, Spectrum
 from imu_noise_tools.noise.level import in_motion
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem

@@ -27,9 +27,10 @@ from imu_noise_tools.loop.diagnosis import Diagnosis
 from imu_noise_tools.loop.effect import Finding, Model, model_of, registry, Score
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.study import assess, Step, Study
+from imu_noise_tools.noise.behind import model_avar
 from imu_noise_tools.noise.curve import effect_avar, model_curve
 from imu_noise_tools.noise.gather import gather
-from imu_noise_tools.noise.kinds import Coupling, Inputs, model_avar
+from imu_noise_tools.noise.kinds import Coupling, Inputs
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.plots import curves, noise, panels, proof, signed, style
 from imu_noise_tools.plots.ladder import ladder, ladder_figure

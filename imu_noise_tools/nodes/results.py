@@ -19,7 +19,7 @@ from .topics import result
 from .. import store
 from ..core.record import AXES
 from ..loop.study import Study
-from ..noise.kinds import model_avar
+from ..noise.behind import model_avar
 
 
 class Results:

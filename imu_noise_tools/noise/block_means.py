@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .behind import model_psd
 from .evidence import claimed_lines, Evidence
 from .in_time import block_variance
-from .kinds import Coupling, Mean, model_psd, Modulation, Spectrum
+from .kinds import Coupling, Mean, Modulation, Spectrum
 from .likelihood import Likelihood
 from .lines import waves
 from .views import is_there, TIME_BLOCKS, view_of

@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from .behind import model_avar, psd_behind
 from .evidence import Evidence
-from .kinds import Coupling, Defect, Line, Mean, model_avar, psd_behind, Response, Spectrum
+from .kinds import Coupling, Defect, Line, Mean, Response, Spectrum
 from .likelihood import Likelihood
 from ..core.allan import overlapping_variance
 from ..core.spectrum import Bins, quadrature_avar

@@ -10,8 +10,9 @@ from functools import partial
 
 import numpy as np
 
+from .behind import responses_on, together
 from .evidence import Evidence
-from .kinds import Response, responses_on, Spectrum, together
+from .kinds import Response, Spectrum
 from ..core.spectrum import asked, Bins, gathered, leaked
 from ..loop.effect import Model, Parameter
 

@@ -15,7 +15,8 @@ from functools import partial
 
 import numpy as np
 
-from .kinds import model_psd, Spectrum
+from .behind import model_psd
+from .kinds import Spectrum
 from ..core.spectrum import bins_of, expected
 from ..loop.effect import Estimate, Model
 

@@ -10,9 +10,10 @@ from typing import cast, TypeAlias
 
 import numpy as np
 
+from .behind import model_gain2
 from .kinds import (
-    Coupling, Defect, FILTERS, foreign, is_peak, Mean, MEASURED, model_gain2, NoiseEffect,
-    Parameter, Response, Spectrum
+    Coupling, Defect, FILTERS, foreign, is_peak, Mean, MEASURED, NoiseEffect, Parameter, Response,
+    Spectrum
 )
 from .likelihood import Likelihood
 from ..core.errors import FitError

@@ -12,8 +12,8 @@ from typing import Any, cast
 import numpy as np
 
 from . import problem as measured
+from .behind import model_avar
 from .evidence import Evidence
-from .kinds import model_avar
 from .materiality import Materiality
 from .problem import NoiseProblem
 from ..core import units

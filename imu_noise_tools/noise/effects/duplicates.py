@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import xlogy
 
+from ..behind import gain2_of
 from ..evidence import Evidence
-from ..kinds import Defect, gain2_of, Inputs, Parameter, Response
+from ..kinds import Defect, Inputs, Parameter, Response
 from ..repeated import ANGLES, begins, coherent, LONGEST, scattered
 from ...core.record import sensor_of
 from ...core.spectrum import Bins

@@ -9,8 +9,9 @@ from itertools import product
 import numpy as np
 
 from ..alike import alike
+from ..behind import beside_unfiltered, seen_behind
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, seen_behind, Spectrum
+from ..kinds import FILTERS, Parameter, Response, Spectrum
 from ...core.spectrum import Bins
 from ...loop.effect import Effect, Fit
 

@@ -5,8 +5,9 @@
 
 import numpy as np
 
+from ..behind import beside_unfiltered
 from ..evidence import Evidence
-from ..kinds import beside_unfiltered, FILTERS, Parameter, Response, Spectrum
+from ..kinds import FILTERS, Parameter, Response, Spectrum
 from ...core.spectrum import Bins
 from ...loop.effect import Effect, Model
 

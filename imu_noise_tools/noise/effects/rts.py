@@ -9,12 +9,11 @@ from itertools import product
 import numpy as np
 from scipy.fft import dct, idct
 
+from ..behind import model_gain2
 from ..block_means import slow_rest
 from ..dwells import both_ways, Levels, SHORTEST, two_levels
 from ..evidence import Evidence
-from ..kinds import (
-    Drawing, Inputs, model_gain2, Modulation, Parameter, Portrait, Spectrum, StateSpace
-)
+from ..kinds import Drawing, Inputs, Modulation, Parameter, Portrait, Spectrum, StateSpace
 from ..lines import waves
 from ..views import slow_mean
 from ...core import gauss_markov
