@@ -28,6 +28,11 @@ def responses_on(effect: Spectrum, model: Model) -> list[Response]:
     return [r for r in model.of(Response) if r.acts_on(effect)]
 
 
+def leaks_behind(model: Model) -> bool:
+    """Tell whether a model has a response that may leave so little that other things show."""
+    return any(r.leaks for r in model.of(Response))
+
+
 def model_gain2(model: Model, f: np.ndarray, dt: float) -> np.ndarray:
     """Return the squared gain (n,) at f (n,), Hz, of all the model's responses on white noise."""
     return gain2_of(model.of(Response), f, dt, True)

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import fdtr, fdtrc, ndtri
 
+from .behind import leaks_behind
 from .evidence import Evidence
 from .in_frequency import independent
 from .kinds import Coupling, Mean, Response, Spectrum
@@ -80,7 +81,7 @@ def _holds_rounding(model: Model) -> bool:
     """Tell whether what rounding adds is in the white noise of a model, not an effect beside."""
     beside = any('grid' in e.explains and e.psd(np.ones(1), 1.0)[0] > 0
                  for e in model.of(Spectrum))
-    return not beside and not any(r.leaks for r in model.of(Response))
+    return not beside and not leaks_behind(model)
 
 
 def _by_place(e: Evidence) -> float:

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from .behind import responses_on, together
+from .behind import leaks_behind, responses_on, together
 from .evidence import Evidence
 from .kinds import Response, Spectrum
 from ..core.spectrum import asked, Bins, gathered, leaked
@@ -50,7 +50,7 @@ class EffectSpectra:
         """
         each = {e.label: self.spectrum(e, model) for e in model.of(Spectrum)}
         total = sum(each.values(), np.zeros(len(self.bins.f)))
-        if each and (leaks or any(r.leaks for r in model.of(Response))):
+        if each and (leaks or leaks_behind(model)):
             total = total + self._rounding(model, each)
             total = total + leaked(total, self.bins)
         return total, each
@@ -94,7 +94,7 @@ class EffectSpectra:
         """
         moved = [response.with_values(**{p.name: p.from_search(x + h)}) for p, x in at]
         out = self._turned(model, response, moved, h)
-        if any(r.leaks for r in model.of(Response)):
+        if leaks_behind(model):
             out += leaked(sum(each.values()) + self._rounding(model, each), self.bins, out)
         return out
 

@@ -25,6 +25,7 @@ from typing import cast
 
 import numpy as np
 
+from .behind import leaks_behind
 from .channels import Channels
 from .effect_spectra import EffectSpectra
 from .evidence import Evidence
@@ -391,9 +392,10 @@ def spectrum_without(evidence: Evidence, fit: Fit, label: str) -> np.ndarray | N
     beside which it shows.
 
     """
-    rest, leaks = fit.model.minus(label), any(r.leaks for r in fit.model.of(Response))
-    return Likelihood(evidence, 'whole', rest).spectra(rest, leaks)[0] \
-        if rest.of(Spectrum) else None
+    rest = fit.model.minus(label)
+    if not rest.of(Spectrum):
+        return None
+    return Likelihood(evidence, 'whole', rest).spectra(rest, leaks_behind(fit.model))[0]
 
 
 def lost_without(evidence: Evidence, fit: Fit, label: str) -> float:

@@ -8,9 +8,8 @@ Spread over many frequencies and all of the time it is lost in every bin and eve
 the spectrum like a filter. Along its own path, a line in time and frequency that is straight, or
 bent a little in its middle, it is not: sums along all such lines through the power of short
 blocks, by the discrete Radon transform of Brady (SIAM J. Comput. 27, 1998), which takes n ln n
-additions.
-A line that stays, comes and goes, or wanders about its frequency only crosses such paths, and is
-loud where it does: what follows one is seen in every sixteenth of it.
+additions. A line that stays, comes and goes, or wanders about its frequency only crosses such
+paths, and is loud where it does: what follows one is seen in every sixteenth of it.
 
 """
 
@@ -42,6 +41,7 @@ UNEVEN = 1.77   # standard deviations by which the least of 16 normal values is 
 LINE, BESIDE, AROUND = PER, 6 * PER, 17     # cells on each side of a line and beside it, blocks
 LOUD = 1.3      # times the mean power of those beside, which by chance are four deviations less
 NONE = np.zeros(6)
+NOWHERE = (0.0, 0.0, 1, 0, 0, 0)    # of sums along lines, where there is none
 
 
 class Sweep(NamedTuple):
@@ -152,7 +152,7 @@ def _along_lines(power: np.ndarray, depth: int, per: int,
     that too. ``per`` cells are one that is resolved.
 
     """
-    cells, fewest, best = power.shape[1], LEAST * per, (0.0, 0.0, 1, 0, 0, 0)
+    cells, fewest, best = power.shape[1], LEAST * per, NOWHERE
     # along each line the sum of the cells, and of its halves, quarters and so on the least sum
     least = [power[:, None, :]] * (halved + 1)
     shortest = max(SHORTEST, (SHORTEST_SHARE if per == 1 else LONG) * len(power))
@@ -207,16 +207,11 @@ def _bent(halves: Sequence[np.ndarray], fewest: int, looks: int,
     early, late = (halves[0][k::2] for k in (0, 1))
     halved = len(halves) - 1
     parts = [halves[max(halved - 1, 0)][k::2] for k in (0, 1)]
-    tall, cells = early.shape[1:]
-    w = 2 * tall
-    paths = _bends(early, late, 0.5 * w * _as_sure_as(least, w, looks))
-    window, before, after, first = paths
-    steps = before + after
-    paths = paths[:, (np.minimum(before, after) >= 0) & (np.maximum(before, after) < tall)
-                  & (steps >= fewest) & (first >= 0) & (first + steps < cells)]
-    if not paths.size:
-        return (0.0, 0.0, 1, 0, 0, 0)
-    window, before, after, first = paths
+    w = 2 * early.shape[1]
+    window, before, after, first = _bends(
+        early, late, fewest, 0.5 * w * _as_sure_as(least, w, looks))
+    if not len(window):
+        return NOWHERE
     one, two = (window, before, first), (window, after, first + before)
     sums = early[one] + late[two]
     counted = _counted(sums, np.minimum(parts[0][one], parts[1][two]), w, halved)
@@ -225,11 +220,12 @@ def _bent(halves: Sequence[np.ndarray], fewest: int, looks: int,
             int(before[k] + after[k]), int(first[k]))
 
 
-def _bends(early: np.ndarray, late: np.ndarray, loud: float) -> np.ndarray:
+def _bends(early: np.ndarray, late: np.ndarray, fewest: int, loud: float) -> np.ndarray:
     """
     Return (stretch, steps in each half, cell at the beginning) of lines, (4, c).
 
-    Of those with a half, of the sums (k, w, m) of early and late ones, that is so loud.
+    Of those that rise by so many steps, and stay in the band, with a half, of the sums (k, w, m)
+    of early and late ones, that is so loud.
 
     """
     bends = np.arange(-BENT, BENT + 1)
@@ -237,7 +233,11 @@ def _bends(early: np.ndarray, late: np.ndarray, loud: float) -> np.ndarray:
     onwards = np.broadcast_arrays(window, before, before + bends, first)
     window, after, middle = (x[:, None] for x in _loudest(late, loud))
     back = np.broadcast_arrays(window, after + bends, after, middle - (after + bends))
-    return np.concatenate([np.reshape(x, (4, -1)) for x in (onwards, back)], axis=1)
+    paths = np.concatenate([np.reshape(x, (4, -1)) for x in (onwards, back)], axis=1)
+    _, before, after, first = paths
+    steps, (_, tall, cells) = before + after, early.shape
+    return paths[:, (np.minimum(before, after) >= 0) & (np.maximum(before, after) < tall)
+                 & (steps >= fewest) & (first >= 0) & (first + steps < cells)]
 
 
 def _as_sure_as(sure: float, w: int, looks: int) -> float:
