@@ -244,6 +244,17 @@ def test_what_is_mistyped_is_answered_with_the_nearest(words, meant, capsys):
     assert f'did you mean {meant}?' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('words', [
+    ('diagnose', 'x', '--axis', ','), ('add', 'x', 'ramp', '--axis', ''),
+    ('analyse', 'x', '--axes', ' , '), ('analyse', 'x', '--effects', '')])
+def test_a_list_that_names_nothing_is_refused(words, capsys):
+    """Nothing was done, without a word; `analyse` called it a defect of its own."""
+    with pytest.raises(SystemExit) as stop:
+        main(list(words))
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith(f'{words[-1]!r} names nothing')
+
+
 def test_the_other_spelling_is_taken(tmp_path, here):
     """American users type analyze."""
     _, said = here('analyze', tmp_path / 'x.npz', status=1)
@@ -254,6 +265,8 @@ def test_what_a_study_has_not_is_answered_with_the_nearest(study, capsys):
     for words, meant in ((('add', study, 'sinusiod'), 'sinusoid'),
                          (('add', study, 'sinusoid', '--axis', 'gyrox'), 'gyro_x'),
                          (('diagnose', study, '--axis', 'gyro_x,accel_y'), 'accel_z'),
+                         # before the bag is read
+                         (('diagnose', study, '--bag', 'no.mcap', '--axis', 'gyrox'), 'gyro_x'),
                          (('remove', study, 'flickr'), 'flicker')):
         assert main([str(w) for w in words]) == 2
         assert f'did you mean {meant}?' in capsys.readouterr().err

@@ -30,8 +30,11 @@ def status_of(stop: KeyboardInterrupt) -> int:
 
 
 def names(text: str) -> list[str]:
-    """Return a comma-separated list."""
-    return [x.strip() for x in text.split(',') if x.strip()]
+    """Return a comma-separated list; raise ArgumentTypeError for one that names nothing."""
+    out = [x.strip() for x in text.split(',') if x.strip()]
+    if not out:
+        raise argparse.ArgumentTypeError(f'{text!r} names nothing')
+    return out
 
 
 def output_options(command: argparse.ArgumentParser, json_of: str) -> None:

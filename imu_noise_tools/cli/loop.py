@@ -210,6 +210,7 @@ def diagnose(args: argparse.Namespace) -> int:
     with common.progress_line(args) as progress:
 
         def work(study, keep):
+            chosen = study.chosen(args.axis)
             if args.bag:
                 noise.look_again(study, args.bag, progress)
 
@@ -220,7 +221,6 @@ def diagnose(args: argparse.Namespace) -> int:
 
             tell = None if args.json else told
             # with effects or evidence that are new, what was settled may be no longer
-            chosen = study.chosen(args.axis)
             settled = [t for t in study.settled if t in chosen] \
                 if args.until_complete and not (args.bag or args.effects_from) else []
             if settled and tell:
