@@ -76,6 +76,8 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     raw = record.t
     record = replace(record, t=_held(raw))
     found = examine_stamps(record)
+    # those that were held are alike by that, and told as what they are
+    held = int(np.sum((np.diff(record.t) == 0) & (np.diff(raw) != 0)))
     memory = memory or Memory()
     said = []
     back = int(np.sum(raw[1:] < raw[:-1]))
@@ -107,11 +109,9 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         keep[twice] = False
         record = record.taken(keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
-    same = int(np.sum(raw[1:] == raw[:-1]))     # those that were held are told as what they are
-    if found.duplicate and same:
+    if (duplicate := found.duplicate - held) > 0:
         said.append(
-            f'{times(min(found.duplicate, same), "duplicate stamp")} with different data: the '
-            'samples were kept'
+            f'{times(duplicate, "duplicate stamp")} with different data: the samples were kept'
         )
     return record.warned(*said)
 
