@@ -341,8 +341,7 @@ def test_a_table_without_stamps_goes_all_the_way(undrawn, tmp_path):
     new = np.genfromtxt(better, delimiter=',', names=True)
     still = np.array([new[f'accel_{c}_calibrated'][:250].mean() for c in 'xyz'])
     assert np.linalg.norm(still) == pytest.approx(sim.G, abs=5e-3)
-    assert main(['filter', str(log), *read, '-o', str(tmp_path / 'smooth.csv'),
-                 '--motion', 'constant_rate']) == 0
+    assert main(['filter', str(log), *read, '-o', str(tmp_path / 'smooth.csv')]) == 0
     assert main(['apply', str(log), *read[:2], '-o', str(better), '--calibration', out,
                  '--force']) == 1
 

@@ -215,7 +215,7 @@ sys.exit(main(['diagnose', sys.argv[2], '--until-complete']))
 @pytest.mark.parametrize('number', [
     signal.SIGKILL, *(pytest.param(n, marks=pytest.mark.thorough)
                       for n in (signal.SIGTERM, signal.SIGINT))])
-def test_what_a_stopped_command_had_done_is_kept(undrawn, tmp_path, capsys, analysed, number):
+def test_what_a_stopped_command_had_done_is_kept(tmp_path, analysed, number):
     """The same command goes on from there, and ends where one that was not stopped does."""
     study = shutil.copytree(analysed, tmp_path / 'study')
     status = -number if number == signal.SIGKILL else 128 + number
@@ -226,11 +226,10 @@ def test_what_a_stopped_command_had_done_is_kept(undrawn, tmp_path, capsys, anal
     assert kept['diagnosis']['gyro_x']['found'] == [] and 'gyro_y' not in kept['diagnosis']
     assert 'sinusoid' in kept['targets']['gyro_x']['effects']
     assert not [p for p in study.iterdir() if p.name.startswith('.')], 'nothing half written'
-    assert main(['diagnose', str(study), '--until-complete']) == 0
-    assert capsys.readouterr().out.startswith('kept from before: gyro_x (')
+    said = run('diagnose', study, '--until-complete')
+    assert said.startswith('kept from before: gyro_x (')
     whole = shutil.copytree(analysed, tmp_path / 'whole')
-    assert main(['diagnose', str(whole), '--until-complete']) == 0
-    assert 'kept' not in capsys.readouterr().out
+    assert 'kept' not in run('diagnose', whole, '--until-complete')
     assert (study / 'study.yaml').read_text() == (whole / 'study.yaml').read_text()
     assert (study / 'allan.csv').read_text() == (whole / 'allan.csv').read_text()
 
