@@ -25,6 +25,7 @@ SINGLE = 256  # coefficients kept one by one
 PER_DECADE = 40  # bins a decade above
 LINEAR = 128  # no bin is wider than 1/128 of Nyquist: filters act on a linear scale
 ROW_BLOCKS = 4  # of a triangle, which hold little of its empty half
+NEAR = 24   # cycles in the record up to which their window is near
 CORRECTED = 32  # coefficients whose expectation differs noticeably from the spectrum at f_k
 MIDDLE = 0.05, 0.95  # of a power: between these it is in a band
 OCTAVE = 2.0  # f/f: no wider is a band of one source
@@ -38,6 +39,7 @@ class Bins:
     [first, last) for each, ``count`` of them in each.
 
     All arrays (b,). The mean (k = 0) is in none. ``fine`` are edges (Hz) beside the usual ones.
+    ``ended``: what leaks into the lowest from far above was taken out of them.
 
     """
 
@@ -46,6 +48,7 @@ class Bins:
     first: np.ndarray
     last: np.ndarray
     fine: tuple[float, ...] = ()
+    ended: bool = False
 
     @property
     def count(self) -> np.ndarray:
@@ -86,11 +89,12 @@ class Bins:
 
 
 @lru_cache(maxsize=32)
-def bins_of(n: int, dt: float, fine: tuple[float, ...] = ()) -> Bins:
+def bins_of(n: int, dt: float, fine: tuple[float, ...] = (), ended: bool = False) -> Bins:
     """
     Return the bins of an n-sample record at interval dt.
 
-    With edges of their own (``fine``, Hz) where the spectrum asks for narrower ones.
+    With edges of their own (``fine``, Hz) where the spectrum asks for narrower ones; ``ended`` as
+    :class:`Bins` has it.
 
     """
     single = np.arange(1, min(SINGLE, n - 1) + 1)
@@ -108,7 +112,7 @@ def bins_of(n: int, dt: float, fine: tuple[float, ...] = ()) -> Bins:
         some = np.round(2 * n * dt * np.array(fine)).astype(int)
         edges.append(some[(some > single[-1]) & (some < n)])
     first = np.unique(np.concatenate(edges))
-    return Bins(n, dt, first, np.append(first[1:], n), fine)
+    return Bins(n, dt, first, np.append(first[1:], n), fine, ended)
 
 
 def band_of(power: np.ndarray, f: np.ndarray) -> tuple[float, float]:
@@ -129,7 +133,7 @@ def power(c: np.ndarray, dt: float, bins: Bins) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
+def _finite_kernel(ended: bool) -> tuple[np.ndarray, np.ndarray]:
     """
     Return (x, W): E[I_k] = sum_x W[k-1, x] S(x/T) for k = 1 to CORRECTED.
 
@@ -138,19 +142,19 @@ def _finite_kernel() -> tuple[np.ndarray, np.ndarray]:
     W_k(x) = 2 |Phi_k(x)|^2, Phi_k the Fourier transform of sqrt(2) cos(pi k u) on 0 < u < 1:
     |Phi_k|^2 = 2 (2 pi x)^2 4 {sin^2, cos^2}(pi x) / ((2 pi x)^2 - (pi k)^2)^2 for even, odd k. A
     midpoint rule to x = 24, then the mean of the oscillation on a log grid; scaled so that white
-    noise passes unchanged.
+    noise passes unchanged. Without what is beyond 24 where the record is ``ended``.
 
     """
     step = 1 / 16
-    near = step * (np.arange(int(24 / step)) + 0.5)
-    edges = np.geomspace(24, 2e4, 41)
+    near = step * (np.arange(int(NEAR / step)) + 0.5)
+    edges = np.geomspace(NEAR, 2e4, 41)
     far = np.sqrt(edges[1:] * edges[:-1])
     x = np.concatenate([near, far])
     width = np.concatenate([np.full(len(near), step), np.diff(edges)])
     k = np.arange(1, CORRECTED + 1)[:, None]
     w = 2 * np.pi * x
     wave = np.where(k % 2 == 0, np.sin(np.pi * x) ** 2, np.cos(np.pi * x) ** 2)
-    wave[:, len(near):] = 0.5
+    wave[:, len(near):] = 0.0 if ended else 0.5
     weight = 16 * w**2 * wave / (w**2 - (np.pi * k) ** 2) ** 2 * width
     return x, weight / weight.sum(axis=1, keepdims=True)
 
@@ -175,12 +179,12 @@ def expected(psd: Callable[[np.ndarray], np.ndarray], bins: Bins) -> np.ndarray:
 
 def asked(bins: Bins) -> np.ndarray:
     """Return the frequencies (Hz) at which :func:`gathered` wants a spectrum, (g,)."""
-    return _grid(bins.n, bins.dt, bins.fine)[0]
+    return _grid(bins.n, bins.dt, bins.fine, bins.ended)[0]
 
 
 def gathered(s: np.ndarray, bins: Bins) -> np.ndarray:
     """Return :func:`expected` of what is known where it is asked for, (g, ...) -> (b, ...)."""
-    _, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine)
+    _, weight, alone, pairs = _grid(bins.n, bins.dt, bins.fine, bins.ended)
     return np.concatenate(
         [weight @ s[: weight.shape[1]], s[alone], 0.5 * (s[pairs[0]] + s[pairs[1]])]
     )
@@ -188,7 +192,7 @@ def gathered(s: np.ndarray, bins: Bins) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _grid(
-    n: int, dt: float, fine: tuple[float, ...]
+    n: int, dt: float, fine: tuple[float, ...], ended: bool
 ) -> tuple[np.ndarray, np.ndarray, slice, tuple[slice, slice]]:
     """
     Return the frequencies that ``expected`` asks for and the window's weights.
@@ -197,7 +201,7 @@ def _grid(
 
     """
     bins = bins_of(n, dt, fine)
-    x, weight = _finite_kernel()
+    x, weight = _finite_kernel(ended)
     low = min(CORRECTED, len(bins.first))
     single = int(np.searchsorted(bins.count, 2))  # the bins that hold one coefficient come first
     # wide bins by Gauss' two points: a filter may go to zero at Nyquist within one of them
@@ -260,11 +264,20 @@ def leaked_beside(v: np.ndarray, bins: Bins, inside: np.ndarray) -> np.ndarray:
         Those that it leaks from; to them is nothing told.
 
     """
-    out, theta = np.zeros(len(v)), 2 * np.pi * bins.f * bins.dt
-    wave = (np.sin(theta / 2) ** 2 * bins.count * v)[inside] / (2 * bins.n * bins.dt)
-    gap = np.cos(theta[~inside])[:, None] - np.cos(theta[inside])
-    out[~inside] = 8 * bins.dt / bins.n * np.cos(theta[~inside] / 2) ** 2 * (1 / gap**2 @ wave)
+    out = np.zeros(len(v))
+    out[~inside] = _through_ends(bins, ~inside, inside) @ v[inside]
     return out
+
+
+def from_above(v: np.ndarray, bins: Bins) -> np.ndarray:
+    """
+    Return what reaches each bin from the bins an octave above and more, (b, b), of each its part.
+
+    By the formula of :func:`leaked`, of the power v (b,) of the bins.
+
+    """
+    above = bins.f > 2 * bins.f[:, None]
+    return np.where(above, _through_ends(bins) * v, 0.0)
 
 
 @lru_cache(maxsize=8)
@@ -274,22 +287,30 @@ def _leakage(n: int, dt: float, fine: tuple[float, ...]) -> tuple[list[np.ndarra
 
     In blocks of bins (b, low), for what lies above leaks into nothing.
 
-    |Phi_k(omega)|^2 = (8/n) {sin, cos}^2(n omega/2) sin^2(omega/2) cos^2(theta/2) /
-    (cos omega - cos theta)^2, theta = pi k/n, Phi_k the Fourier transform of the cosine k; its
-    mean over the oscillation, integrated over each bin below theta/2.
-
     """
     bins = bins_of(n, dt, fine)
-    theta = 2 * np.pi * bins.f * dt
-    wave = np.sin(theta / 2) ** 2 * bins.count / (2 * n * dt)
-    to, by = theta[:, None], theta[None, :]
-    gap = np.where(by < 0.5 * to, np.cos(by) - np.cos(to), np.inf)
-    w = 8 * dt / n * np.cos(to / 2) ** 2 * wave / gap**2
+    w = np.where(bins.f < 0.5 * bins.f[:, None], _through_ends(bins), 0.0)
     w[:CORRECTED] = 0.0  # their window is integrated as it is
     blocks = [np.ascontiguousarray(
         rows[:, :1 + int(np.max(np.flatnonzero(rows.any(axis=0)), initial=-1))])
         for rows in np.array_split(w, ROW_BLOCKS)]
     return blocks, w.sum(axis=1)
+
+
+def _through_ends(bins: Bins, to: Any = slice(None), by: Any = slice(None)) -> np.ndarray:
+    """
+    Return w: the power that a bin of ``to`` takes from a bin of ``by`` is w[to, by] of its own.
+
+    |Phi_k(omega)|^2 = (8/n) {sin, cos}^2(n omega/2) sin^2(omega/2) cos^2(theta/2) /
+    (cos omega - cos theta)^2, theta = pi k/n, Phi_k the Fourier transform of the cosine k; its
+    mean over the oscillation, integrated over each bin far from theta.
+
+    """
+    theta = 2 * np.pi * bins.f * bins.dt
+    wave = (np.sin(theta / 2) ** 2 * bins.count)[by] / (2 * bins.n * bins.dt)
+    gap = np.cos(theta[to])[:, None] - np.cos(theta[by])
+    gap[gap == 0] = np.inf
+    return 8 * bins.dt / bins.n * np.cos(theta[to] / 2)[:, None] ** 2 * wave / gap**2
 
 
 def folded(f: Any, dt: float) -> Any:

@@ -26,6 +26,7 @@ from ..core.spectrum import bins_of, expected
 from ..core.statistics import gamma_excess, means_of_blocks
 from ..loop.effect import Fit, Model, View
 
+LEAKS = 1e-3  # of the density, what leaks into means from far above that counts
 GROUP = 4  # block means to a bin of the time view
 SEGMENTS = 8  # stretches of the record, predicted in turn from the others
 
@@ -149,7 +150,8 @@ def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: 
     gain2 = has * (
         np.sin(np.pi * k / (2 * count)) / (length * np.sin(np.pi * k / (2 * n)))) ** 2
     s = psd(k.ravel() / (2 * n * dt)).reshape(k.shape)
-    low = expected(psd, bins_of(n, dt))[: min(32, len(q))]
+    low, seen = (  # without what leaks from far above, and with it
+        expected(psd, bins_of(n, dt, ended=ended))[: min(32, len(q))] for ended in (True, False))
     s[0, : len(low)] = low
     missing = np.maximum(1 - gain2.sum(axis=0) * count / n * length, 0)
     rest = beyond(float(np.max(k)) / (2 * n * dt))
@@ -157,7 +159,13 @@ def covariance_of_means(psd: Callable[[np.ndarray], np.ndarray], count: int, n: 
     v = (np.sum(s * gain2, axis=0) * count / n + missing * rest / length) / (2 * dt)
     j = np.arange(count) + 0.5
     basis = np.sqrt(2 / count) * np.cos(np.pi * np.outer(j, q) / count)
-    return np.asarray((basis * v) @ basis.T)
+    out = (basis * v) @ basis.T
+    leaks = float(seen[-1] - low[-1])
+    if leaks > LEAKS * low[-1]:     # all from two numbers: cosines of one sign at an end together
+        far = np.sqrt(gain2[0] * leaks * count / n / (2 * dt))
+        ends = np.stack([basis[:, ::2] @ far[::2], basis[:, 1::2] @ far[1::2]], axis=1)
+        out += ends @ ends.T
+    return np.asarray(out)
 
 
 def root_of(spread: np.ndarray) -> np.ndarray:

@@ -65,7 +65,8 @@ class Part:
 
     ``power`` (b,) is without lines; ``lines`` (l, b) is what each line adds to it. ``fine`` are
     edges of bins, Hz, beside the usual ones. ``quiet`` (2, b) is the power where nothing is
-    switched on, and the coefficients that tell it; empty (0, b) where nothing ever is.
+    switched on, and the coefficients that tell it; empty (0, b) where nothing ever is. ``ended``:
+    without what loud bands leak through the ends of the record (:func:`.without_ends`).
 
     """
 
@@ -75,11 +76,12 @@ class Part:
     lines: np.ndarray
     fine: tuple[float, ...] = ()
     quiet: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    ended: bool = False
 
     @property
     def bins(self) -> Bins:
         """The bins."""
-        return bins_of(self.n, self.dt, self.fine)
+        return bins_of(self.n, self.dt, self.fine, self.ended)
 
     def quiet_above(self, low: float) -> tuple[np.ndarray, np.ndarray]:
         """Return (power, coefficients) of the bins, (b,), from ``low`` Hz on where it is quiet."""
@@ -570,7 +572,7 @@ def to_arrays(evidence: Mapping[str, Evidence]) -> dict[str, np.ndarray]:
             value, key = getattr(e, f.name), f'{axis}/{f.name}'
             if isinstance(value, Part):
                 out |= {f'{key}/{k}': np.asarray(getattr(value, k))
-                        for k in ('n', 'power', 'lines', 'fine', 'quiet')}
+                        for k in ('n', 'power', 'lines', 'fine', 'quiet', 'ended')}
             elif isinstance(value, allan.AllanCurve):
                 out |= {f'{key}/{k.name}': np.asarray(getattr(value, k.name))
                         for k in fields(value)}
@@ -628,7 +630,8 @@ def _one_from_arrays(axis, flat, common):
     dt = float(flat['dt'])
     parts: dict[str, Any] = {
         p: Part(int(flat[f'{p}/n']), dt, flat[f'{p}/power'], flat[f'{p}/lines'],
-                tuple(flat[f'{p}/fine'].tolist()), flat[f'{p}/quiet'])
+                tuple(flat[f'{p}/fine'].tolist()), flat[f'{p}/quiet'],
+                bool(flat.get(f'{p}/ended', False)))
         for p in PART_NAMES
     }
     curve = _below(flat, 'curve')

@@ -24,6 +24,7 @@ from scipy.special import ndtri
 
 from . import shared
 from .blocks import block_power
+from .ends import without_ends
 from .evidence import Common, course_beside, Evidence, Part, SQUARE
 from .fading import of_humps
 from .humps import fine_edges
@@ -297,7 +298,7 @@ class _Gathering:
         """Bin the spectra of a part of the record, and of all pairs; ``whole`` is used up."""
         fine = fine_edges(np.concatenate([self.own[axis]['humps'] for axis in self.axes]))
         bins = bins_of(length, self.dt, fine)
-        coefficients, lines = {}, {}
+        coefficients, lines, ended = {}, {}, set()
         for axis in self.axes:
             own = self.own[axis]
             if whole is not None:
@@ -307,6 +308,9 @@ class _Gathering:
             lines[axis] = take_lines_out(c, own['line_table'], begin, self.dt, bins)
             if whole is not None and len(lines[axis]):
                 self._without_lines(axis, c)
+            as_cut, c = c, without_ends(c, bins)
+            if c is not as_cut:
+                ended.add(axis)
             coefficients[axis] = c if whole is not None else self.memory.keep(c)
             self.memory.rest()
         for other, values in self.covariates.items():
@@ -320,7 +324,8 @@ class _Gathering:
             loud = np.round(self.own[axis]['loud'] / self.dt).astype(int) - begin
             quiet = quiet_spectrum(self.clean[axis][begin:begin + length], loud, self.dt, bins)
             self.own[axis][name] = Part(
-                length, self.dt, binned[axis, axis], lines[axis], fine, quiet)
+                length, self.dt, binned[axis, axis], lines[axis], fine, quiet,
+                axis in ended)
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
 
