@@ -46,6 +46,7 @@ from imu_noise_tools.bag.sqlite_writer import SqliteWriter
 from imu_noise_tools.cli.main import main
 from imu_noise_tools.core.errors import InputError, UsageError
 from imu_noise_tools.core.units import G0
+from imu_noise_tools.health.stamps import ordered
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE1 = get_typestore(Stores.ROS1_NOETIC)
@@ -969,6 +970,17 @@ def test_stamps_in_an_unknown_unit_are_answered_with_the_likely_one(tmp_path):
         open_record(path)
     path.write_text(written(r, f't_us,{AXES6}', t=1e6 * r.t))
     assert open_record(path).rate_hz == pytest.approx(100)
+
+
+def test_counts_of_a_tenth_of_a_millisecond(tmp_path):
+    """SampleTimeFine, by its name or as a field; it begins anew at 2^32."""
+    r, path = bad_input.still(5), tmp_path / 'x.csv'
+    counts = (np.round(1e4 * r.t) + 2**32 - 20_000) % 2**32
+    for name, fields in (('SampleTimeFine', None), ('tick', 'stamp=tick:0.1ms')):
+        path.write_text(written(r, f'{name},{AXES6}', t=counts))
+        record = open_record(path, fields=fields)
+        assert record.rate_hz == pytest.approx(100)
+        np.testing.assert_allclose(ordered(record).t, r.t, atol=1e-6)
 
 
 @pytest.mark.parametrize('name', ['x.csv', 'x.txt', 'imu.log', 'x'])

@@ -57,7 +57,9 @@ STAMP = (
     (re.compile('(?:^|_)' + _WHOLE), re.compile('(?:^|_)' + _PART)),
     (re.compile(rf'^(?:t|time|time_?stamp|time_boot|stamp|(?={"|".join(TIMES)}))'
                 rf'(?:_?(?:{"|".join(TIMES)}))?$'), None),
+    (re.compile('(?:^|_)sampletimefine$'), None),
 )
+FINE = '0.1ms'      # what Xsens counts in that
 ISO = re.compile(r'(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?'
                  r'\s*(?:Z|UTC|([+-]\d\d):?(\d\d))?')
 WARM = re.compile(r'(?:^|_)temp(?:erature)?(?:_|$)')
@@ -424,6 +426,8 @@ def _are_parts(found: Columns, whole: int, fine: int) -> bool:
 
 def _time_stated(name: str) -> str:
     """Return the unit that the name of a time states: in brackets, or as its last word."""
+    if STAMP[-1][0].search(_plain(name)):
+        return FINE
     unit = UNIT.search(name)
     word = unit[1].strip() if unit else re.sub('^(?:time_?stamp|time|t)', '', _plain(name))
     return TIMES.get(word.lower().rpartition('_')[2], '')

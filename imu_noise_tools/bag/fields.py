@@ -29,7 +29,8 @@ from ..core.units import ACCEL_UNITS, GYRO_UNITS, SI, to_si
 
 #: unit to (factor, what is added): degC
 TEMPERATURE_UNITS = {'degC': (1.0, 0.0), 'K': (1.0, -273.15), 'mdegC': (1e-3, 0.0)}
-TIME_UNITS = {'s': 1_000_000_000, 'ms': 1_000_000, 'us': 1000, 'ns': 1}       # in ns
+TIME_UNITS = {                                                               # in ns
+    's': 1_000_000_000, 'ms': 1_000_000, '0.1ms': 100_000, 'us': 1000, 'ns': 1}
 UNITS: dict[str, Mapping[str, Any]] = {
     'gyro': GYRO_UNITS, 'accel': ACCEL_UNITS, 'stamp': TIME_UNITS,
     'temperature': TEMPERATURE_UNITS}

@@ -69,7 +69,7 @@ def topic_options(command: argparse.ArgumentParser, every: bool = False) -> None
         '--fields', metavar='F',
         help='messages of another type: gyro=PATH,accel=PATH,stamp=PATH:us, each with its unit '
              'behind it (rad/s, deg/s, deg/h; m/s^2, g, mg, ug; or what one raw count is, as '
-             f'{A_COUNT["accel"]}; s, ms, us, ns); a path to three numbers or '
+             f'{A_COUNT["accel"]}; s, ms, 0.1ms, us, ns); a path to three numbers or '
              'to x, y, z, or three joined with +; temperature=PATH:degC where there is one; of a '
              '.csv the names of columns, or their numbers, and only=COLUMN:VALUE where it holds '
              'several sensors in turn')

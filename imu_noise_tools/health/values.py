@@ -228,7 +228,7 @@ def unit_of_stamps(
     """
     Return (what is wrong, remedy) where stamps taken for seconds give a rate that no IMU has.
 
-    In ms, us or ns, one of which gives a plausible one.
+    In ms (or tenths of them), us or ns, one of which gives a plausible one.
 
     """
     if not rate_hz or rate_hz >= slowest:
@@ -236,7 +236,10 @@ def unit_of_stamps(
     for unit, factor in (('ms', 1e3), ('us', 1e6), ('ns', 1e9)):
         true = rate_hz * factor
         if PLAUSIBLE_HZ[0] <= true < PLAUSIBLE_HZ[1]:
+            # Xsens counts tenths of ms
+            then, by = (f'; in 0.1 ms {10 * true:.4g} Hz', ' (0.1 ms: by 10000)') if (
+                unit == 'ms') else ('', '')
             return (f'the stamps give {rate_hz:.3g} Hz: they are in {unit}, not s '
-                    f'({true:.4g} Hz then)', f'divide t by {factor:g}, or leave t out and give '
-                    f'--rate-hz {true:.4g}')
+                    f'({true:.4g} Hz then{then})', f'divide t by {factor:g}{by}, or leave t out '
+                    f'and give --rate-hz {true:.4g}')
     return None
