@@ -29,6 +29,7 @@ class Draw:
         self.rng = rng
         rate = rate or float(rng.choice(RATES))
         seconds = seconds or float(rng.uniform(300, 900))
+        self.nominal = rate
         self.rate = rate * (1 + 1e-6 * ppm * rng.uniform(-1, 1))
         self.p = 1 / self.rate
         n = int(seconds * rate)
@@ -111,6 +112,46 @@ def stalled(t, rng, count, low, high, parse=2e-4):
 def px4(n, rate_tick=4.0e-3, every=34, more=8.0e-4):
     """Return times of a scheduler run every 4 ms that slips against the sensor's interrupt."""
     return np.cumsum(np.where(np.arange(n) % every == every - 1, rate_tick + more, rate_tick))
+
+
+def in_buffers(d):
+    """Return when buffers of a drawn size were read, and the turn of each sample."""
+    size = int(d.rng.choice([4, 8, 16, 26, 32, 50, 85, 128, 256, 500]))
+    late = d.rng.choice([2e-5, 1e-3, 5e-3, 2e-2])
+    d.there[len(d.there) // size * size:] = False       # the last is not full
+    t = d.arrived()
+    turn = np.arange(len(t)) // size
+    return t[size - 1::size] + d.rng.gamma(2, late / 2, turn[-1] + 1), turn
+
+
+def counted_back(d):
+    """Return stamps of the pattern: the reading less as many intervals as are stated."""
+    read, turn = in_buffers(d)
+    last = np.searchsorted(turn, turn, 'right') - 1
+    return read[turn] - (last - np.arange(len(turn))) / d.nominal
+
+
+def one_stamp(d):
+    """Return stamps of the pattern: one for all samples of a buffer."""
+    read, turn = in_buffers(d)
+    return read[turn]
+
+
+def spread(d):
+    """Return stamps of the pattern: spread evenly from one reading to the next."""
+    read, turn = in_buffers(d)
+    size = np.bincount(turn)[0]
+    before = np.r_[read[0] - size * d.p, read[:-1]]
+    return before[turn] + (read - before)[turn] * (np.arange(len(turn)) % size + 1) / size
+
+
+def polled_back(d):
+    """Return stamps of the pattern: counted back from when a loop reads what there is."""
+    period = d.rng.choice([8, 26, 85, 256]) / d.nominal
+    spread = d.rng.choice([0.002, 0.05, 0.3])
+    read = read_by_loop(d.arrived(), period, d.rng, spread, parse=0.0)
+    last = np.searchsorted(read, read, 'right') - 1
+    return read - (last - np.arange(len(read))) / d.nominal
 
 
 def even(d):
@@ -300,6 +341,11 @@ PATTERNS = {
     'clock stepped on, single losses': ({}, ('singles', 10), ntp_forward),
     'thread held up, runs lost': ({}, ('runs', 5, 5, 30), stalls),
     'scheduler that slips, runs': (dict(rate=250.0), ('runs', 6, 5, 20), scheduler_slip),
+    # of a sensor whose rate is off from the stated one by up to 2 %
+    'buffer counted back, 2 % off': (dict(ppm=20_000), None, counted_back),
+    'one stamp a buffer, 2 % off': (dict(ppm=20_000), None, one_stamp),
+    'buffer spread evenly, 2 % off': (dict(ppm=20_000), None, spread),
+    'loop counts back, 2 % off': (dict(ppm=20_000), None, polled_back),
 }
 
 

@@ -34,6 +34,7 @@ OFTEN, COUNTED = 0.05, 20   # share of losses that hides the period, and lost in
 EVEN = 1e-9             # relative scatter of intervals that only arithmetic gives
 GOOD = 0.1              # stamps that scatter by less of an interval are followed one by one
 FINE = 0.04             # and by less of it, even a part of an interval shows
+OVER = 100              # samples across which a first rate is read
 SELDOM = 1e-3           # a clock is set after no fewer samples than one over this
 WHOLE = 0.3             # a step this near to a whole number of intervals is a loss
 MANY = 200              # of so many lost in a row the exact number matters no more
@@ -148,7 +149,11 @@ def regular_rate(t: np.ndarray) -> float | None:
 
     """
     t = t[np.isfinite(t)]
-    m = min(100, (len(t) - 1) // 2)
+    return _rate_over(t, min(OVER, (len(t) - 1) // 2))
+
+
+def _rate_over(t: np.ndarray, m: int) -> float | None:
+    """Return the rate that steps over m of stamps t (n,), s, usually give, Hz, or None."""
     if m < 1:
         return None
     some = len(t) // MANY_STEPS | 1     # odd, so as not to beat with a buffer
@@ -285,6 +290,8 @@ class _Lag:
         buffer = self._buffer(interval) if good else 0.0
         if good and not buffer:
             self._by_sample(interval)
+            buffer = self._read()
+        if good and not buffer:
             if not tick and _scatter(some - self.period) < FINE * self.period:
                 self._set_back(interval)
         else:
@@ -311,6 +318,26 @@ class _Lag:
         until = np.maximum.accumulate(np.r_[0, late + _reach(interval[late] / self.period)])
         alone = int(np.sum(until[np.searchsorted(late, early)] < early))
         return self.n / alone if alone > SELDOM * self.n else 0.0
+
+    def _read(self) -> float:
+        """
+        Return the length of buffers, samples, that jumps found one by one betray; 0: none.
+
+        Stamps counted back from the reading of a buffer at a nominal rate jump at every reading of
+        a sensor that is slower: by no whole number of intervals, or after the same number of
+        samples each time. What is lost is whole, and by chance.
+
+        """
+        steps = self.steps[self.steps[:, 1] > 0, 0].astype(np.int64)
+        jumps = np.sort(np.r_[self.gaps, steps])
+        if len(jumps) < COUNTED or self.n < LEAST_BLOCKS * SCALES[0]:
+            return 0.0
+        apart = np.diff(jumps)
+        usual = int(np.median(apart))
+        even = usual > 1 and np.mean(apart % usual == 0) > 1 - OFTEN
+        # of jumps by any size three of five are near a whole number: the others tell
+        often = len(steps) > max(OFTEN * len(jumps), COUNTED / 2)
+        return float(usual) if even or often else 0.0
 
     def _by_sample(self, interval: np.ndarray) -> None:
         """
@@ -375,6 +402,9 @@ class _Lag:
 
     def _by_level(self, buffer: float) -> None:
         """Find the losses of rough stamps, as steps between the levels of blocks."""
+        if buffer:      # within one the stamps go at another rate, and no level follows that
+            over = min(NEAR * int(np.ceil(buffer)), (self.n - 1) // FEW)
+            self.period = 1 / (_rate_over(self.t, over) or 1 / self.period)
         lag = self.t - self.period * np.arange(self.n)
         levels, noise = self._levels(lag, buffer)
         self.resolvable = max(1, int(np.ceil(SURE * noise / self.period)))
