@@ -227,6 +227,59 @@ def test_a_buffer_that_is_read_late_is_no_loss(size):
     assert found.lost.tolist() == [2 * size]
 
 
+def counted_back(n, rate, nominal, size, late, rng):
+    """Return stamps of buffers read late, counted back at a nominal rate."""
+    k = np.arange(n)
+    last = k // size * size + size - 1
+    read = last / rate + rng.gamma(2, late / 2, n // size + 1)[k // size]
+    return read - (last - k) / nominal
+
+
+@pytest.mark.parametrize('size, late, nominal', [
+    (32, 2e-5, 103), (128, 0.001, 102), (256, 0.005, 101.5), (85, 0.02, 101.6)])
+def test_a_buffer_of_a_sensor_slower_than_stated_loses_nothing(size, late, nominal):
+    """Its stamps jump ahead at every reading, as losses would, but by no whole interval."""
+    n = 60_000 // size * size
+    t = counted_back(n, 100, nominal, size, late, np.random.default_rng(size))
+    found = fit_clock(np.maximum.accumulate(t))
+    assert found.missing == 0 and len(found.steps) == 0
+    assert found.rate_hz == pytest.approx(100, rel=1e-5)
+
+
+@pytest.mark.parametrize('size, nominal', [(128, 98.5), (256, 99), (500, 98.2)])
+def test_a_buffer_of_a_sensor_faster_than_stated_sets_no_clock_back(size, nominal):
+    """Its stamps fall back at every reading, seldom if the buffer is long, and yet get on."""
+    n = 60_000 // size * size
+    t = counted_back(n, 100, nominal, size, 0.001, np.random.default_rng(size))
+    record = ordered(ImuRecord(np.zeros((n, 3)), None, t, None))
+    assert np.sum(np.diff(t) < 0) > 100 and not any('set back' in w for w in record.warnings)
+    found = fit_clock(record.t)
+    assert found.missing == 0 and found.rate_hz == pytest.approx(100, rel=1e-5)
+
+
+def test_samples_alike_by_chance_are_no_messages_that_came_twice():
+    """At rest and in coarse counts one of fifty is as the one before, on all six axes."""
+    rng, n = np.random.default_rng(17), 20_000
+    x = np.round(0.5 * rng.standard_normal((n, 6)))
+    even = np.arange(n) / 200
+    held = even[np.arange(n) // 2 * 2]          # each stamp is given to two samples
+    alike = np.all(x[1:] == x[:-1], axis=1) & (np.diff(held) == 0)
+    assert np.sum(alike) > 100
+    found = examine(ImuRecord(x[:, :3], x[:, 3:], held, 200.0))
+    assert found.missing == 0 and found.rate_hz == pytest.approx(200, rel=1e-5)
+    assert ordered(ImuRecord(x[:, :3], x[:, 3:], held, None)).n == n
+    # of messages that come twice all are taken for it, however many are alike by chance
+    twice = np.sort(np.r_[np.arange(n), rng.choice(n, 40, replace=False)])
+    coarse = np.round(0.27 * rng.standard_normal((n, 6)))[twice]
+    assert np.mean(np.all(coarse[1:] == coarse[:-1], axis=1)) > 0.3
+    some = ordered(ImuRecord(coarse[:, :3], coarse[:, 3:], even[twice], None))
+    np.testing.assert_array_equal(some.t, even)
+    twice = np.sort(np.r_[np.arange(n), rng.choice(n, 40, replace=False)])
+    some = ordered(ImuRecord(x[twice, :3], x[twice, 3:], even[twice], None))
+    np.testing.assert_array_equal(some.t, even)
+    assert '40 duplicate message(s) were dropped' in some.warnings
+
+
 def test_stamps_that_scatter_are_not_told_as_duplicates():
     """
     Of those that fall back it is said so, and once: of 3 given twice among them 3 are told.
@@ -696,7 +749,8 @@ def test_a_filter_is_told_of_the_end_of_the_range_and_of_units():
     assert motion_doubts(replace(clean, gyro=spiky)) == []
     slow = motion_doubts(replace(clean, t=1e3 * t, rate_hz=0.2))
     assert len(slow) == 1 and 'they are in ms, not s' in slow[0]
-    assert any('they are in ms' in a for a in examine(replace(clean, t=1e3 * t)).advice)
+    said = str(examine(replace(clean, t=1e3 * t)).advice)
+    assert 'they are in ms' in said and 'in 0.1 ms' in said
 
 
 @pytest.mark.parametrize('what', ['coarse', 'again', 'both'])

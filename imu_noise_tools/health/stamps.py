@@ -9,15 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.clock import fit_clock, regular_rate
+from ..core.clock import fit_clock, regular_rate, SELDOM
 from ..core.record import ImuRecord, Memory
+from ..core.statistics import FAR
 from ..core.units import times
 
 SWAPPED_S = 2.0         # messages overtake each other by no more, s
 SCATTERED = 0.01        # share of stamps that fall from which on no clock is set back so often
+FEW = 10                # nor so many, if fewer, where the stamps get on as if none were
 REACH = 20.0            # times as far as usual a stamp that scatters falls at most
 AHEAD_S = 1.0           # a step of stamps that is so much longer than that of the receive times, s
 ROUGH = 0.01            # of an interval: stamps that scatter by less are as good as even ones
+COMPARED = 1 << 20      # pairs far apart that tell how many are alike by chance
 BESIDE = 20             # samples on either side, between which such a step has to stay
 
 
@@ -26,8 +29,8 @@ class Stamps:
     """What is wrong with the stamps of a record."""
 
     not_finite: int
-    repeated: int           # same stamp and same data as the sample before
-    duplicate: int          # same stamp, other data
+    repeated: int           # messages that came twice: same stamp, same data, and not by chance
+    duplicate: int          # samples with the stamp of the one before
     backward: int           # stamps before that of the sample before
     swapped: bool           # sorting by stamp puts the backward ones right
     ahead: int              # forward jumps that the receive times do not have
@@ -37,10 +40,10 @@ def examine_stamps(record: ImuRecord) -> Stamps:
     """Count what is wrong with the stamps."""
     t = record.t[np.isfinite(record.t)]
     step = np.diff(t)
-    same = np.flatnonzero(np.diff(record.t) == 0)
-    repeated = sum(_equal(record, k) for k in same.tolist()) if len(same) < 100_000 else 0
+    repeated = len(_repeated(record))
+    same = int(np.sum(np.diff(record.t) == 0))
     backward = int(np.sum(step < 0))
-    return Stamps(record.n - len(t), repeated, len(same) - repeated, backward,
+    return Stamps(record.n - len(t), repeated, same - repeated, backward,
                   backward > 0 and _swapped(t), len(_set_ahead(record)))
 
 
@@ -55,12 +58,35 @@ def _swapped(t: np.ndarray) -> bool:
     return bool(moved * step < SWAPPED_S and not close)
 
 
-def _equal(record: ImuRecord, k: int) -> bool:
-    return all(
-        np.array_equal(d[k], d[k + 1], equal_nan=True)
-        for d in (record.gyro, record.accel)
-        if d is not None
-    )
+def _repeated(record: ImuRecord) -> np.ndarray:
+    """
+    Return the samples (k,) that are messages which came twice.
+
+    They have stamp and data of the one before. Where a stamp is held, two samples at rest may be
+    alike by chance in all that is resolved, as often as two that are far apart: nothing came
+    twice unless most of them did, and more than chance scatters by.
+
+    """
+    same = np.flatnonzero(np.diff(record.t) == 0)
+    alike = same[_equal(record, same, same + 1)] + 1
+    if not len(alike):
+        return alike
+    pairs = (np.arange(min(record.n - k, COMPARED)) for k in FAR if k < record.n)
+    share = max((float(np.mean(_equal(record, at, at + k))) for at, k in zip(pairs, FAR)),
+                default=0.0)
+    chance = share * len(same)
+    twice = len(alike) - chance         # times one over 1 - share: chance makes them alike, too
+    return alike if twice > (1 - share) * max(0.5 * len(alike), 3 * chance ** 0.5) else alike[:0]
+
+
+def _equal(record: ImuRecord, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return which of the samples (k,) equal others on all axes, (k,) bool."""
+    equal = np.ones(len(one), bool)
+    for data in record.data:
+        for k in range(3):
+            x = np.asarray(data[:, k])
+            equal &= (x[one] == x[other]) | (np.isnan(x[one]) & np.isnan(x[other]))
+    return equal
 
 
 def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
@@ -81,7 +107,7 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
     memory = memory or Memory()
     said = []
     back = int(np.sum(raw[1:] < raw[:-1]))
-    if back > SCATTERED * len(raw) and not found.backward:
+    if _often(raw) and not found.backward:
         said.append(f'{back} stamp(s) lie before the one before, by up to '
                     f'{1e3 * np.nanmax(record.t - raw):.3g} ms: they scatter, and the samples are '
                     'taken in the order in which they came')
@@ -103,10 +129,8 @@ def ordered(record: ImuRecord, memory: Memory | None = None) -> ImuRecord:
         said.append(f'the clock was set ahead {times(len(leaps))}, which the receive times do '
                     'not show: later samples follow on')
     if found.repeated:
-        step = np.diff(record.t)
-        twice = [k + 1 for k in np.flatnonzero(step == 0).tolist() if _equal(record, k)]
         keep = np.ones(record.n, bool)
-        keep[twice] = False
+        keep[_repeated(record)] = False
         record = record.taken(keep, memory)
         said.append(f'{found.repeated} duplicate message(s) were dropped')
     if (duplicate := found.duplicate - held) > 0:
@@ -172,10 +196,18 @@ def _held(t: np.ndarray) -> np.ndarray:
         return t
     rate = regular_rate(t)
     reach = 0.5 / rate if rate else 0.0
-    if len(falls) > SCATTERED * len(t) and not _swapped(t[np.isfinite(t)]):
+    if _often(t) and not _swapped(t[np.isfinite(t)]):
         reach = max(reach, REACH * float(np.median(falls)))
     high = np.fmax.accumulate(t)
     return np.where(high - t < reach, high, t)
+
+
+def _often(t: np.ndarray) -> bool:
+    """Tell whether more of stamps t (n,), s, fall than where a clock is set back."""
+    step = np.diff(t[np.isfinite(t)])
+    falls = np.sum(step < 0)
+    gets_on = np.sum(step) > 0.5 * np.sum(step[step > 0])   # runs that begin anew do not
+    return bool(falls > SCATTERED * len(t) or gets_on and falls > max(SELDOM * len(t), FEW))
 
 
 def _going_on(t: np.ndarray) -> np.ndarray:
