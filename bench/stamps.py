@@ -121,7 +121,7 @@ def in_buffers(d):
     d.there[len(d.there) // size * size:] = False       # the last is not full
     t = d.arrived()
     turn = np.arange(len(t)) // size
-    return t[size - 1::size] + d.rng.gamma(2, late / 2, turn[-1] + 1), turn
+    return in_order(t[size - 1::size] + d.rng.gamma(2, late / 2, turn[-1] + 1)), turn
 
 
 def counted_back(d):
