@@ -227,6 +227,14 @@ def test_a_buffer_that_is_read_late_is_no_loss(size):
     assert found.lost.tolist() == [2 * size]
 
 
+@pytest.mark.parametrize('gap, said', [(0.5, False), (1.01, True), (400.0, True)])
+def test_a_long_gap_need_not_be_a_loss(gap, said):
+    """Two recordings joined, or a leap second, do not ask for a faster disk alone."""
+    r = quiet(np.random.default_rng(2), 60, 100)
+    found = examine(replace(r, t=r.t + (gap - 0.01) * (np.arange(r.n) >= 3000)))
+    assert found.gaps == 1 and ('recordings that were joined' in str(found.advice)) is said
+
+
 def counted_back(n, rate, nominal, size, late, rng):
     """Return stamps of buffers read late, counted back at a nominal rate."""
     k = np.arange(n)

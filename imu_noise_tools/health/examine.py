@@ -18,7 +18,7 @@ from .values import (
     at_the_end, finite, is_constant, not_finite, standing, too_fast, unit_of_stamps,
     where_not_finite, wrong_units)
 from ..core.clipped import at_ends
-from ..core.clock import fit_clock, median_rate, PATTERNS, SampleClock
+from ..core.clock import fit_clock, LONG_GAP_S, median_rate, PATTERNS, SampleClock
 from ..core.record import ImuRecord, Memory, possible
 from ..core.statistics import FAR, grid_step
 from ..core.stillness import finite_mean, longest_rest, span, STILL_S, still_stretches
@@ -295,6 +295,9 @@ def _with_advice(record: ImuRecord, h: Health) -> Health:
             f'{times(h.missing, "sample")} {"was" if h.missing == 1 else "were"} lost in '
             f'{times(h.gaps, "gap")} (the longest of {h.longest_gap_s:.3g} s): record fewer '
             'topics, to a faster disk, or with a larger queue.'
+            + (' One of more than a second may be a driver that started anew, recordings that '
+               'were joined, or a clock that was set ahead.' if h.longest_gap_s > LONG_GAP_S
+               else '')
         )
     if h.duplicates or h.backward:
         found = ' and '.join(f'{n} {kind}' for n, kind in (
