@@ -27,6 +27,7 @@ SHARE = 0.01    # of the level that leaks, from which it is looked for
 ORDERS = 4      # of the course over frequency of what either end leaks
 ROUNDS = 12
 SURE = 12.0     # nats that an order has to gain
+NEAR, PEAK = 5, 10.0    # bins in whose mean a peak stands so many times above the level
 STILL = 0.1     # nats, by which what is left changes no more
 
 
@@ -51,11 +52,13 @@ def without_ends(c: np.ndarray, bins: Bins) -> np.ndarray:
     for begin, end in in_a_row(heard)[::-1].tolist():
         loud = np.where(bins.f > 2 * bins.f[end - 1], each[begin], 0.0)
         if np.any(loud) and bins.last[end - 1] > 4 * LOWEST:
-            out = _without(out, bins, end, loud)
+            surely = bool(np.any(each.sum(axis=1)[begin:end] > level[begin:end]))
+            out = _without(out, bins, end, loud, surely)
     return out
 
 
-def _without(c: np.ndarray, bins: Bins, end: int, loud: np.ndarray) -> np.ndarray:
+def _without(c: np.ndarray, bins: Bins, end: int, loud: np.ndarray,
+             surely: bool) -> np.ndarray:
     """
     Take out of c (n,) below the bin ``end`` what the bands leak that are ``loud`` (b,).
 
@@ -71,22 +74,34 @@ def _without(c: np.ndarray, bins: Bins, end: int, loud: np.ndarray) -> np.ndarra
     wave = np.cos(theta / 2) / (1 - far)
     both = np.stack([wave, wave * np.resize([-1.0, 1.0], top - 1)], axis=1)
     out, bin_of = c, bins.index(np.arange(1, top))
+    level, height = _level(c, bins, end)
+    after = height
     for order in range(ORDERS):
         columns = np.hstack([both * far[:, None] ** i for i in range(order + 1)])
-        before, least = out, SURE
+        # what has to leak does, though it may be little by chance: then it shows by its absence
+        before, least = out, STILL if surely else SURE
         for _ in range(ROUNDS):     # the level is that beneath what leaks
-            scale = np.sqrt(2 * bins.dt / _level(out, bins, end)[bin_of])
+            scale = np.sqrt(2 * bins.dt / level[bin_of])
             ends = np.linalg.lstsq(columns * scale[:, None], c[1:top] * scale, rcond=None)[0]
             left = c[1:top] - columns @ ends
             if 0.5 * np.sum(((out[1:top] - left) * scale) ** 2) < least:
                 break
             out, least = np.concatenate([c[:1], left, c[top:]]), STILL
+            level, after = _level(out, bins, end)
         if out is before:
             break
-    return out
+    return out if after < height else c     # among lines it may raise what it is to lower
 
 
-def _level(c: np.ndarray, bins: Bins, end: int) -> np.ndarray:
-    """Return a level (end,) of the bins below one: a parabola over the logarithm of frequency."""
-    seen, x = bins.log_level(power(c, bins.dt, bins))[:end], np.log(bins.f[:end] / bins.f[0])
-    return np.exp(np.polyval(np.polyfit(x, seen, 2, w=np.exp(-x / 2)), x))
+def _level(c: np.ndarray, bins: Bins, end: int) -> tuple[np.ndarray, float]:
+    """
+    Return (a level (end,) of the bins below one, infinite where a peak stands; its mean, ln).
+
+    A cubic over the logarithm of frequency, which counts alike all over.
+
+    """
+    seen, x = power(c, bins.dt, bins), np.log(bins.f[:end] / bins.f[0])
+    each, weight = bins.log_level(seen)[:end], np.gradient(x)
+    level = np.exp(np.polyval(np.polyfit(x, each, 3, w=np.sqrt(weight)), x))
+    near = uniform_filter1d(seen, NEAR, mode='nearest')[:end]
+    return np.where(near > PEAK * level, np.inf, level), float(np.average(each, weights=weight))
