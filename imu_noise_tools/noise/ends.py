@@ -45,15 +45,15 @@ def without_ends(c: np.ndarray, bins: Bins) -> np.ndarray:
         Of them.
 
     """
-    level = uniform_filter1d(power(c, bins.dt, bins), AROUND, mode='nearest')
+    level = np.maximum(uniform_filter1d(power(c, bins.dt, bins), AROUND, mode='nearest'), 1e-300)
     each = from_above(level, bins)
-    heard = (each.sum(axis=1) > SHARE * level) & (bins.first >= LOWEST)
+    share = each.sum(axis=1) / level
+    heard = (share > SHARE) & (bins.first >= LOWEST)
     out = c
     for begin, end in in_a_row(heard)[::-1].tolist():
         loud = np.where(bins.f > 2 * bins.f[end - 1], each[begin], 0.0)
         if np.any(loud) and bins.last[end - 1] > 4 * LOWEST:
-            surely = bool(np.any(each.sum(axis=1)[begin:end] > level[begin:end]))
-            out = _without(out, bins, end, loud, surely)
+            out = _without(out, bins, end, loud, surely=bool(np.any(share[begin:end] > 1)))
     return out
 
 
