@@ -8,15 +8,17 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from params import seldom
+from params import daily, seldom
 import pytest
 from scipy.signal import iirpeak, lfilter
 
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.core.spectrum import bins_of, cosine_transform, power
 from imu_noise_tools.loop.effect import model_of
 from imu_noise_tools.noise.coupled import heard_at, why_no_coupling
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.problem import NoiseProblem
+from imu_noise_tools.noise.shared import heard_together, share
 from imu_noise_tools.tasks.noise import analyse_record
 
 BASE = ('white', 'flicker', 'random_walk')
@@ -100,3 +102,31 @@ def test_a_machine_that_all_axes_hear_is_named_on_each(seed):
         names = {f.name for f in one.found}
         assert names and names <= {'narrowband', 'sinusoid'}, (axis, one.found)
         assert all(abs(f.effect['frequency'] - 41.7) < 0.1 for f in one.found), (axis, one.found)
+
+
+def test_a_few_percent_above_the_noise_that_is_fitted_are_nothing_from_outside():
+    """Far from a sway the fit of the own noise is off by as much: in most records nothing."""
+    n, dt, far = 90_000, 0.01, []
+    pole = np.exp((2j * np.pi * 0.42 - np.pi * 0.01) * dt)
+    ring = [1, -1], [1, -2 * pole.real, abs(pole) ** 2]
+    bins = bins_of(n, dt)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        moves = lfilter(*ring, rng.standard_normal(n + 50_000))[50_000:]
+        y = np.array([[3.3], [1.0]]) * moves / np.std(moves) + rng.standard_normal((2, n))
+        heard = heard_together(dict(zip(('accel_x', 'accel_y'), y)), dt)
+        told = share(bins, power(cosine_transform(y[1]), dt, bins), heard['accel_y'])
+        far.append(np.average(told[bins.f > 10], weights=bins.count[bins.f > 10]))
+    assert np.median(far) < 0.001 and np.max(far) < 0.1
+
+
+@pytest.mark.parametrize('seed', daily(range(8), 0))
+def test_below_what_shakes_two_axes_they_have_nothing_in_common(seed):
+    """What a swing leaks through the ends of a record is the same wave in both."""
+    rng, n, dt = np.random.default_rng(seed), 60_000, 0.01
+    each = rng.uniform(1.5, 2.5, 100)
+    moves = sum(np.cos(2 * np.pi * (f * np.arange(n) * dt + rng.uniform())) for f in each)
+    y = np.array([[30.0], [20.0]]) * moves + rng.standard_normal((2, n))
+    f, heard = heard_together(dict(zip(('accel_x', 'accel_y'), y)), dt)['accel_x']
+    assert np.min(heard[(f > 1.8) & (f < 2.2)]) > 0.7
+    assert np.median(heard[f < 0.5]) < 0.3

@@ -24,10 +24,11 @@ from scipy.fft import dct, idst
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.special import chdtri, polygamma
 
+from .ends import without_ends
 from .line_search import without_lines
 from ..core.linear import nonnegative
 from ..core.record import AXES
-from ..core.spectrum import Bins
+from ..core.spectrum import Bins, bins_of
 
 #: two axes, by their numbers, the lower first
 Pair: TypeAlias = tuple[int, int]
@@ -58,6 +59,8 @@ EVEN = 0.005
 STEPS = 30              # iterations towards the shares of one source
 # times an axis's own noise: what has more stands above it (a choice)
 ABOVE = 2.0
+# of an axis's own noise, to which its form is known (a choice): so little above it may be its own
+KNOWN = 0.1
 # times its own noise: what has more is not an axis's own though no other one hears it (a choice)
 TALL = 100.0
 # times the median of the bins from f/BESIDE to f BESIDE: a bin with more is a peak (a choice)
@@ -119,7 +122,8 @@ def heard_together(columns: Mapping[str, np.ndarray], dt: float) -> dict[
                                  * np.arange(1, GROUPS + 1)).astype(int))
     edges = edges[edges < n - LEAST]
     # a line is no noise, and one of a machine is coherent in all axes
-    c = [without_lines(dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho'), dt)
+    bins = bins_of(n, dt)   # and what leaks from one loud band is coherent far below it
+    c = [without_ends(without_lines(dct(x[:n] - np.mean(x[:n]), type=2, norm='ortho'), dt), bins)
          for x in columns.values()]
     q = [later(x) for x in c]
     count = np.diff(np.append(edges, n))
@@ -420,7 +424,7 @@ def _above_own(bins: Bins, power: np.ndarray,
         ratio = np.exp(near if width == WIDE[0] else median_filter(near, width, mode='nearest'))
         if heard is not None:
             there |= (ratio > ABOVE) & (seen >= ENOUGH) & (heard > PART * (1 - 1 / ratio))
-        told = (share == 0) & (ratio > 1 + 2 * np.sqrt(2 / seen))
+        told = (share == 0) & (ratio > 1 + np.maximum(2 * np.sqrt(2 / seen), KNOWN))
         share[told] = 1 - 1 / ratio[told]
     above = share > 0
     # by chance some bins far off are above it as well, where there is nothing to hear
