@@ -252,7 +252,7 @@ def leaked_beside(v: np.ndarray, bins: Bins, inside: np.ndarray) -> np.ndarray:
     Return what reaches the bins beside some from these through the record's ends, (b,).
 
     From far below and from above, by the formula of :func:`leaked`, the middle of a bin for all of
-    it.
+    it; not from an octave above where that was taken out.
 
     Parameters
     ----------
@@ -265,7 +265,10 @@ def leaked_beside(v: np.ndarray, bins: Bins, inside: np.ndarray) -> np.ndarray:
 
     """
     out = np.zeros(len(v))
-    out[~inside] = _through_ends(bins, ~inside, inside) @ v[inside]
+    share = _through_ends(bins, ~inside, inside)
+    if bins.ended:
+        share[bins.f[inside] > 2 * bins.f[~inside][:, None]] = 0.0
+    out[~inside] = share @ v[inside]
     return out
 
 
