@@ -458,6 +458,23 @@ def test_knocks_are_found_and_set_aside(seed, rate):
     assert len(kept.disturbances) == 4 and kept.left_out == ()
 
 
+@pytest.mark.parametrize('rate', [100, seldom(400)])
+def test_knocks_that_come_often_are_found(rate):
+    """A tool that knocks every seven seconds: none of its knocks hides behind the others."""
+    rng = np.random.default_rng(2)
+    times = 7 * np.arange(1, 42) + rng.uniform(-1, 1, 41)
+    r = knocked(quiet(rng, 300, rate), times)
+    r = replace(r, accel=np.minimum(r.accel, [0.6, np.inf, np.inf]))    # the end of the range
+    found = prepare(r)
+    shocks = [d for d in found.disturbances if d.kind == 'shock']
+    assert all(any(d.begin - 0.1 < at < d.end for d in shocks) for at in times)
+    cut = [d for d in found.disturbances if d.kind == 'clipped']
+    # what is cut is no sample of anything, and goes before knocks that are whole
+    assert len(cut) > 3
+    assert all(any(a <= d.begin and d.end <= b for a, b, _ in found.left_out) for d in cut)
+    assert 7 < sum(b - a for a, b, _ in found.left_out) <= 15
+
+
 @pytest.mark.parametrize('back, whole', [(True, True), (False, False)])
 def test_a_nudge_of_seconds_does_not_part_a_record_of_hours(back, whole):
     """Gone for five seconds, then as before: of 2.8 h all is analysed. Or it lies otherwise."""

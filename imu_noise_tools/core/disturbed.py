@@ -22,8 +22,11 @@ from .statistics import in_a_row, median_sigma, quantile_sigma, row_medians
 FRAME_S = 0.25
 LEAST_FRAME = 16        # samples
 RANK = 3                # the level of a frame is its third largest deviation
-# times the 95th percentile of the levels: narrow-band noise comes to 1.95 of it in 1e5 frames
-OUT = 2.0
+# times these quantiles of the levels, whichever is lower: one of Rayleigh's distribution, which
+# narrow-band noise has and comes to 1.95 of 2 in 1e5 frames; the upper one alone would be the
+# level of knocks where these come to more than one frame in twenty
+QUANTILES = 0.8, 0.95
+OUT = 2.73, 2.0
 LEAST_OUT = 3.0         # and times the usual level
 EDGE = 2.0              # frames beside a disturbed one belong to it down to so many times
 CHANCE = 1e-3           # expected number of coincidences that is believed to be none
@@ -35,7 +38,7 @@ SHOCK_S = 3.0           # what is shorter is a shock
 PAUSE_S = 1.0           # what is nearer than this is one disturbance
 JUMP = 10.0             # a step is so many robust standard deviations of what levels change by
 STEPS = 3               # an axis that steps more often has popcorn noise
-MOST_LISTED = 100
+MOST_LISTED = 100       # of what is clipped, and of all else
 PIECE_S = 0.1           # of a short rest
 KNOCK = 8.0             # a piece off by this many robust standard deviations is a knock
 MOST_KNOCKED = 0.2      # share of the pieces; beyond it is shaken, not knocked
@@ -61,7 +64,8 @@ def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
         level[i], middle[i] = _levels(record.column(axis)[:count * length], length)
     usual = np.array([_usual(x) for x in level])
     ratio = level / usual[:, None]
-    out = np.maximum(LEAST_OUT, OUT * np.quantile(ratio, 0.95, axis=1, keepdims=True))
+    steady = np.quantile(ratio, QUANTILES, axis=1)
+    out = np.maximum(LEAST_OUT, (np.array(OUT)[:, None] * steady).min(axis=0))[:, None]
     hot = _together(ratio > out) | _louder(ratio, max(1, round(LONG_S * record.rate_hz / length)))
     pause = max(1, round(PAUSE_S * record.rate_hz / length))
     found: list[tuple[int, int]] = []
@@ -77,8 +81,8 @@ def disturbances(record: ImuRecord) -> tuple[Disturbance, ...]:
         shown = tuple(x for x, h in zip(axes, hot) if h[a:b].any())
         listed.append(disturbance(record, a * length, min(b * length, record.n), axes=shown))
     listed += _steps(record, axes, middle, found, length)
-    listed += _clipped(record)
-    return tuple(sorted(listed, key=lambda d: d.begin)[:MOST_LISTED])
+    listed = listed[:MOST_LISTED] + _clipped(record)[:MOST_LISTED]
+    return tuple(sorted(listed, key=lambda d: d.begin))
 
 
 def calm(data: np.ndarray, rate_hz: float, step: np.ndarray | float = 0.0
@@ -144,13 +148,16 @@ def _together(hot: np.ndarray) -> np.ndarray:
     Return which frames of which axes stand out together beyond chance, (axes, frames) bool.
 
     A frame may be off by one between axes. Axes that stand out often by themselves (spikes, a
-    change of the noise) make coincidences: these are counted against.
+    change of the noise) make coincidences: these are counted against. How often is told by the
+    frames in which no other axis does, or knocks that come often would count against themselves.
 
     """
     near = hot.copy()
     near[:, 1:] |= hot[:, :-1]
     near[:, :-1] |= hot[:, 1:]
-    share = (hot.sum(axis=1) + 1) / hot.shape[1]
+    alone = near.sum(axis=0) - near == 0
+    count = (hot & alone).sum(axis=1) + 1
+    share = (count + np.sqrt(count)) / np.maximum(alone.sum(axis=1), 1)    # by a standard error
     chance = hot.shape[1] * np.exp(np.where(near, np.log(3 * share)[:, None], 0.0).sum(axis=0))
     real = (near.sum(axis=0) >= 2) & (chance < CHANCE)
     real &= hot.any(axis=0)

@@ -315,7 +315,7 @@ def _set_aside(
     """
     Return the record with what disturbs it named, and set aside where that is little.
 
-    Shocks, the shortest first, as long as all is little; what lasts longer only as a whole: what
+    Shocks and clipping, the shortest first, as long as all is little; the rest as a whole: what
     disturbs a record for long, and may be found in pieces, is an effect to be found, not a stretch
     to be left out.
 
@@ -329,7 +329,7 @@ def _set_aside(
     record = replace(record, disturbances=every)
     lasting = sorted((d for d in every if d.kind != 'step'), key=lambda d: d.end - d.begin)
     most = MOST_SET_ASIDE * record.duration_s
-    brief = [d for d in lasting if d.kind == 'shock']
+    brief = [d for d in lasting if d.kind != 'disturbed']
     chosen = [d for k, d in enumerate(brief) if screen and _length(brief[:k + 1]) <= most]
     if screen and _length(lasting) <= most:
         chosen = lasting
