@@ -672,6 +672,19 @@ def test_a_knock_that_is_gone_within_a_tenth_of_a_second_is_a_shock(seed):
     assert np.max(np.abs(SHOCK.screen(y, kept, inputs))) < 6
 
 
+def test_knocks_that_come_often_are_no_spikes_that_hide_each_other():
+    """A tool of forty knocks, the faint ones gone within two blocks: all are told, none left."""
+    rng, dt = np.random.default_rng(23), 1e-3
+    y, t = rng.standard_normal(240_000), np.arange(300)
+    begins = 6000 * np.arange(40) + rng.integers(1000, 4000, 40)
+    for i, size in zip(begins, np.geomspace(30, 300, 40)):
+        y[i:i + 300] += size * np.exp(-t / 30) * np.cos(0.53 * t + rng.uniform(0, 6))
+    inputs = Inputs(np.arange(len(y)) * dt, dt)
+    kept = SHOCK.statistics(y, inputs)
+    assert all(np.any((kept['begin'] < i + 32) & (i < kept['end'])) for i in begins)
+    assert np.max(np.abs(SHOCK.screen(y, kept, inputs))) < 6
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize('seed', [1, 2])
 def test_the_crests_of_swings_are_no_shocks(seed):
