@@ -305,11 +305,14 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
     """Say in words where the likelihood is gained."""
     if isinstance(effect, Mean):
         estimates = after.estimates[after.model.labels[-1]]
+        # a choice is a word, and of what may be nothing there is nothing to say
         parts = [
-            f'{k} {e.point:.3g}' + (f' +- {e.std:.2g}' if e.std else '') + f' {e.unit}'
-            for k, e in estimates.items()
+            f'{p.name} {e.point:.3g}' + (f' +- {e.std:.2g}' if e.std else '') + f' {e.unit}'
+            for p in effect.parameters
+            if not p.choices and (e := estimates.get(p.name)) and e.point
+            and abs(e.point) > 2 * (e.std or 0.0)
         ]
-        return f'the mean of the record follows it: {", ".join(parts)}'
+        return ': '.join(filter(None, ('the mean of the record follows it', ', '.join(parts))))
     if isinstance(effect, Coupling):
         fitted = cast(Coupling, after.model[after.model.labels[-1]])
         estimates = after.estimates[fitted.label]

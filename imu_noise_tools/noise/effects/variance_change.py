@@ -42,8 +42,9 @@ class VarianceChange(Modulation):
         'chance; heavy tails'
     )
     hint = (
-        'Something near was switched on, the supply or the range changed, or the sensor warms '
-        'up. Analyse the stretches by themselves, and look at what happened at that time.'
+        'Something near was switched on, the supply, the range or a filter of the sensor was '
+        'changed, or it warms up. Analyse the stretches by themselves, and look at what happened '
+        'at that time.'
     )
     reference = 'Galleani and Tavella, The dynamic Allan variance, 2009'
     decide = 'record again with everything around switched off'
