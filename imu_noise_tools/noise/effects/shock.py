@@ -647,11 +647,7 @@ def _loudness(y: np.ndarray, dt: float):
         return None
     level = np.interp(np.arange(count), 0.5 * (edges[1:] + edges[:-1]), usual)
     ratio = power / level
-    low, high = np.quantile(np.log(np.maximum(ratio, 1e-12)), (0.25, 0.75))
-    variance = max(((high - low) / 1.349) ** 2, 1e-3)
-    # the logarithm of chi-squared over its degrees scatters by psi'(degrees/2)
-    grid = np.geomspace(0.5, 200, 200)
-    degrees = float(np.interp(-variance, -polygamma(1, grid / 2), grid))
+    degrees = _degrees(ratio)
     # of blocks that are not loud: in those that are, samples of a shock are no single ones
     quiet = ~_far_louder(ratio, degrees)
     single = np.mean(square[quiet] > SINGLE**2 * level[quiet, None]) if np.any(quiet) else 1.0
@@ -659,3 +655,12 @@ def _loudness(y: np.ndarray, dt: float):
     filled = count * binom(width, width // 2) * single ** (width // 2)
     lasts = LASTS if filled > CHANCE or held else 1
     return ratio, level, degrees, length, lasts
+
+
+def _degrees(ratio: np.ndarray) -> float:
+    """Return the degrees of freedom that the scatter of powers over their level shows."""
+    low, high = np.quantile(np.log(np.maximum(ratio, 1e-12)), (0.25, 0.75))
+    variance = max(((high - low) / 1.349) ** 2, 1e-3)
+    # the logarithm of chi-squared over its degrees scatters by psi'(degrees/2)
+    grid = np.geomspace(0.5, 200, 200)
+    return float(np.interp(-variance, -polygamma(1, grid / 2), grid))
