@@ -374,19 +374,25 @@ def test_up_and_down_again_is_two_steps():
     assert [f.name for f in found.found] == ['step', 'step'] and found.remaining is None
 
 
-@pytest.mark.parametrize('form', ['displacement', 'velocity'])
-def test_a_broad_resonance_is_told_as_displacement_or_velocity(form):
-    """Near Nyquist they differ: of velocity nothing is left there."""
-    rng, rate, n, f0, width = np.random.default_rng(78), 100.0, 40_000, 41.8, 6.3
-    r = np.exp(-np.pi * width / rate)
-    ring = lfilter([1, 0, -1] if form == 'velocity' else [1],
-                   [1, -2 * r * np.cos(2 * np.pi * f0 / rate), r * r], rng.standard_normal(n))
+@pytest.mark.parametrize(('form', 'width', 'size'), [
+    ('displacement', 6.3, 5e-4), ('velocity', 6.3, 5e-4), ('folded', 2.0, 4e-3)])
+def test_a_broad_resonance_is_told_as_displacement_or_velocity_or_folded(form, width, size):
+    """Near Nyquist they differ: of velocity nothing is left there; a faint one is not folded."""
+    rng, rate, n, f0 = np.random.default_rng(78), 100.0, 40_000, 41.8
+    r, f = np.exp(-np.pi * width / rate), f0
+    if form == 'folded':
+        f += 3 * rate
+        noise = rng.standard_normal((2, n))
+        ring = lfilter([1], [1, -r * np.exp(2j * np.pi * f / rate)], noise[0] + 1j * noise[1]).real
+    else:
+        ring = lfilter([1, 0, -1] if form == 'velocity' else [1],
+                       [1, -2 * r * np.cos(2 * np.pi * f / rate), r * r], rng.standard_normal(n))
     x = 1e-3 * rng.standard_normal((n, 3))
-    evidence = evidence_of(x[:, 0] + 5e-4 * ring / np.std(ring), rate)
+    evidence = evidence_of(x[:, 0] + size * ring / np.std(ring), rate)
     found = NoiseProblem(evidence).point(model_of('noise', ['white', 'narrowband']))
     assert found.model['narrowband'].chosen('form') == form and not found.details.set_aside
     assert found.model['narrowband']['frequency'] == pytest.approx(f0, rel=0.02)
-    assert found.model['narrowband']['rms'] == pytest.approx(5e-4, rel=0.1)
+    assert found.model['narrowband']['rms'] == pytest.approx(size, rel=0.1)
 
 
 @pytest.mark.parametrize(('share', 'size'), [

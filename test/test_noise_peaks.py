@@ -8,16 +8,19 @@ from __future__ import annotations
 import numpy as np
 from params import daily
 import pytest
-from scipy.signal import lfilter
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import lfilter, welch
 
 from imu_noise_tools.core.record import ImuRecord
+from imu_noise_tools.loop.diagnosis import diagnose
 from imu_noise_tools.loop.effect import find_effect, model_of, unfitted
-from imu_noise_tools.loop.prediction import fall_of
+from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import PRICE
 from imu_noise_tools.noise import flexible, materiality, rivals, starts
 from imu_noise_tools.noise.candidates import _one as tried
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
+from imu_noise_tools.noise.kinds import Inputs
 from imu_noise_tools.noise.likelihood import Likelihood
 from imu_noise_tools.noise.problem import NoiseProblem
 from imu_noise_tools.noise.search import Found
@@ -71,6 +74,42 @@ def test_of_machines_side_by_side_a_peak_is_one_of_them():
     assert found.gain > found.penalty and not found.against
     assert np.min(np.abs(found.effect['frequency'] - middles)) < 0.1
     assert 0.1 < found.effect['width'] < 0.4, found.effect
+
+
+def test_what_rings_above_half_the_rate_is_one_peak():
+    """Its skirts are those of one pole: without that form two stood for it on each other."""
+    rng, n, f, width = np.random.default_rng(5), 60_000, 312.4, 1.8
+    r = np.exp(-np.pi * width * DT)
+    swing = lfilter([1], [1, -r * np.exp(2j * np.pi * f * DT)],
+                    np.sqrt(1 - r * r) * (rng.standard_normal(n) + 1j * rng.standard_normal(n)))
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += 2 * swing.real
+    problem = problem_of(y)
+    fit = problem.fit(model_of('noise', BASE))
+    found = diagnose(State(problem, fit, problem.held_out(fit.model))).found
+    assert [x.name for x in found] == ['narrowband']
+    assert found[0].effect.chosen('form') == 'folded'
+    assert found[0].effect['frequency'] == pytest.approx(12.4, abs=0.1)
+    assert found[0].effect['width'] == pytest.approx(width, rel=0.1)
+
+
+@pytest.mark.parametrize('form', ['displacement', 'velocity', 'folded'])
+def test_what_is_drawn_has_the_spectrum_and_the_states_of_its_form(form):
+    """Of the states' covariance that of what is heard; and of the samples that are drawn."""
+    peak = find_effect('noise', 'narrowband').example().with_values(form=form)
+    step, q, heard = peak.state_space(DT)
+    state = heard @ solve_discrete_lyapunov(step, q) @ heard.T
+    assert np.sqrt(state) == pytest.approx(peak['rms'])
+    f = np.linspace(2.0, 45.0, 40)
+    turn = np.exp(2j * np.pi * f * DT)
+    gain = [heard @ np.linalg.solve(z * np.eye(len(step)) - step, np.eye(len(step))) for z in turn]
+    psd = [2 * DT * (g @ q @ g.conj().T).real.item() for g in gain]
+    np.testing.assert_allclose(peak.psd(f, DT), psd, rtol=1e-9)
+    y = peak.apply(np.zeros(400_000), Inputs(np.arange(400_000) * DT, DT),
+                   np.random.default_rng(1))
+    at, power = welch(y, 1 / DT, nperseg=4096)
+    near = np.abs(at - peak['frequency']) < 2 * peak['width']
+    np.testing.assert_allclose(np.sum(power[near]), np.sum(peak.psd(at[near], DT)), rtol=0.05)
 
 
 @pytest.mark.parametrize('f, width, told', [(10.0, 0.3, True), (10.0, 30.0, False)])

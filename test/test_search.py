@@ -691,6 +691,18 @@ def test_what_has_no_name_is_fitted_only_where_no_name_has_its_place(search, mon
     assert [f.name for f in search.forward()] == ['narrowband']
 
 
+@pytest.mark.parametrize(('after', 'holds'), [(60.0, True), (250.0, False)])
+def test_what_is_as_measured_heals_nothing_where_no_less_fails_in_all(search, after, holds):
+    """It fits its own view whatever is there; what the mean does instead may fail by more."""
+    search.places.tests = lambda some: [
+        Finding(view, gain, view=view, p_value=0.0)
+        for view, gain in (('frequency', 0.0 if 'band' in some else 200.0),
+                           ('time', after if 'band' in some else 40.0))]
+    base = search.places.base
+    said = search.against.unhealed(base, base.plus(found('band').effect), found('band'))
+    assert holds != bool(said)
+
+
 def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     """Beside noise that has fallen a filter had gained little; without it, it gains the most."""
     main = [found('gauss_markov', gain=90.0), found('notch', gain=80.0)]

@@ -13,6 +13,10 @@ A rate sensor hears how fast a mount swings, x_k - x_{k-2}: nothing at zero and 
 the autocovariance at lag k > 0 is sigma^2 Re(A p^k), too, A = -a (p - 1/p)^2/(2 - 2 Re a p^2),
 a = 1 - i c, for a p^k solves the recursion at every k, and Re(a/p) = Re(a p).
 
+One that rings far above half the rate is heard ``folded``: by the phase at which samples find it,
+its autocovariance is sigma^2 r^|k| cos k theta, c = 0. It has the skirts of one pole on either
+side of where it is seen. Its recursion has two states, turned by theta and shortened by r.
+
 """
 
 from __future__ import annotations
@@ -24,18 +28,22 @@ import numpy as np
 
 from .spectrum import Bins
 
+FORMS = DISPLACEMENT, VELOCITY, FOLDED = ('displacement', 'velocity', 'folded')
+
 
 def _pole(f0: float, width: float, dt: float) -> tuple[complex, complex]:
-    """Return (p, a): the autocovariance at lag k is sigma^2 Re(a p^k)."""
+    """Return (p, a) of a displacement: the autocovariance at lag k is sigma^2 Re(a p^k)."""
     theta, r = 2 * np.pi * f0 * dt, np.exp(-np.pi * width * dt)
     c = np.tanh(np.pi * width * dt) / np.tan(theta)
     return complex(r * np.exp(1j * theta)), complex(1, -c)
 
 
-def _swing(f0: float, width: float, dt: float, velocity: bool) -> tuple[complex, complex]:
+def _swing(f0: float, width: float, dt: float, form: str) -> tuple[complex, complex]:
     """Return (p, a) of what is heard: the autocovariance at lag k > 0 is sigma^2 Re(a p^k)."""
     p, a = _pole(f0, width, dt)
-    return p, -a * (p - 1 / p) ** 2 / _difference(p, a) if velocity else a
+    if form == FOLDED:
+        return p, complex(1.0)
+    return p, -a * (p - 1 / p) ** 2 / _difference(p, a) if form == VELOCITY else a
 
 
 def _difference(p: complex, a: complex) -> float:
@@ -44,34 +52,45 @@ def _difference(p: complex, a: complex) -> float:
 
 
 def displacement(sigma: float, f0: float, width: float, dt: float,
-                 velocity: bool = False) -> float:
+                 form: str = DISPLACEMENT) -> float:
     """Return the standard deviation of x_k, ``sigma`` being that of it or of x_k - x_{k-2}."""
-    return float(sigma / np.sqrt(_difference(*_pole(f0, width, dt)) if velocity else 1.0))
+    away = _difference(*_pole(f0, width, dt)) if form == VELOCITY else 1.0
+    return float(sigma / np.sqrt(away))
 
 
 def innovation_variance(sigma: float, f0: float, width: float, dt: float,
-                        velocity: bool = False) -> float:
-    """Return the variance of w_k, ``sigma`` being the deviation of x_k or of x_k - x_{k-2}."""
+                        form: str = DISPLACEMENT) -> float:
+    """
+    Return the variance of w_k, ``sigma`` being the deviation of what is heard.
+
+    Of what is folded that of either state.
+
+    """
     theta, r2 = 2 * np.pi * f0 * dt, np.exp(-2 * np.pi * width * dt)
-    size = displacement(sigma, f0, width, dt, velocity)
+    if form == FOLDED:
+        return float(sigma**2 * (1 - r2))
+    size = displacement(sigma, f0, width, dt, form)
     return float(size**2 * (1 - r2) / (1 + r2)
                  * ((1 - r2) ** 2 + 4 * r2 * np.sin(theta) ** 2))
 
 
 def psd(f: np.ndarray, sigma: float, f0: float, width: float, dt: float,
-        velocity: bool = False) -> np.ndarray:
+        form: str = DISPLACEMENT) -> np.ndarray:
     """Return the one-sided PSD of the sampled process at f (Hz), of its shape, unit^2/Hz."""
     p, _ = _pole(f0, width, dt)
     r, half = abs(p), np.pi * np.asarray(f, float) * dt
-    both = np.ones(np.shape(f))
-    for theta in (np.angle(p), -np.angle(p)):
-        both = both * ((1 - r) ** 2 + 4 * r * np.sin(half - 0.5 * theta) ** 2)
-    heard = (2 * np.sin(2 * half)) ** 2 if velocity else 1.0
-    return 2 * dt * innovation_variance(sigma, f0, width, dt, velocity) * heard / both
+    left, right = ((1 - r) ** 2 + 4 * r * np.sin(half - 0.5 * theta) ** 2
+                   for theta in (np.angle(p), -np.angle(p)))
+    heard: np.ndarray | float = 1.0
+    if form == VELOCITY:
+        heard = (2 * np.sin(2 * half)) ** 2
+    elif form == FOLDED:
+        heard = 0.5 * (left + right)    # the sum of two poles, in place of their product
+    return 2 * dt * innovation_variance(sigma, f0, width, dt, form) * heard / (left * right)
 
 
 def binned(bins: Bins, sigma: float, f0: float, width: float,
-           velocity: bool = False) -> np.ndarray:
+           form: str = DISPLACEMENT) -> np.ndarray:
     """
     Return what the power of a record is expected to be in each bin, (b,): exactly.
 
@@ -80,13 +99,13 @@ def binned(bins: Bins, sigma: float, f0: float, width: float,
     bin with several coefficients the integral of that, less what alternates between neighbours.
 
     """
-    _, a = _swing(f0, width, bins.dt, velocity)
+    _, a = _swing(f0, width, bins.dt, form)
     unit = 1 + (a * _value(bins, f0, width)).real
     return 2 * bins.dt * sigma**2 * np.maximum(unit, 0.0)
 
 
 def slopes(bins: Bins, sigma: float, f0: float, width: float,
-           velocity: bool = False) -> tuple[np.ndarray, np.ndarray]:
+           form: str = DISPLACEMENT) -> tuple[np.ndarray, np.ndarray]:
     """
     Return d :func:`binned`/d ln f0 and d ln width, (b,) each.
 
@@ -98,10 +117,12 @@ def slopes(bins: Bins, sigma: float, f0: float, width: float,
     p, a = _pole(f0, width, dt)
     theta, damping = 2 * np.pi * f0 * dt, np.pi * width * dt
     value, slope = _value(bins, f0, width), _sums(bins, p, True)
-    narrow, heard, out = np.tanh(damping), _swing(f0, width, dt, velocity)[1], []
+    narrow, heard, out = np.tanh(damping), _swing(f0, width, dt, form)[1], []
     for more, turn in ((1j * narrow * theta / np.sin(theta) ** 2, 1j * theta),
                        (-1j * (1 - narrow**2) * damping / np.tan(theta), -damping)):
-        if velocity:
+        if form == FOLDED:
+            more = 0.0
+        elif form == VELOCITY:
             share = _difference(p, a)
             less = -2 * (more * p**2 + 2 * a * p**2 * turn).real
             more = -(more * (p - 1 / p) ** 2 + 2 * a * (p**2 - p**-2) * turn
@@ -168,7 +189,7 @@ def _angles(bins: Bins) -> tuple[Any, ...]:
 
 
 def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float,
-         velocity: bool = False) -> np.ndarray:
+         form: str = DISPLACEMENT) -> np.ndarray:
     """
     Return the Allan variance at cluster sizes m, of their shape, unit^2.
 
@@ -176,7 +197,7 @@ def avar(m: np.ndarray, sigma: float, f0: float, width: float, dt: float,
 
     """
     m = np.asarray(m, float)
-    p, a = _swing(f0, width, dt, velocity)
+    p, a = _swing(f0, width, dt, form)
     pm = np.exp(m * np.log(p))
     within = 2 * (m * p / (1 - p) - p * (1 - pm) / (1 - p) ** 2)
     between = p * (1 - pm) ** 2 / (1 - p) ** 2

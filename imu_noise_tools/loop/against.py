@@ -49,7 +49,8 @@ class Against:
         little beside what something else leaves there. Nor do the data become likelier by it:
         where noise was taken for what several effects do, with one of them there is less of it,
         and beside less noise the others stand out as much as both did. A mean that does most of
-        what it does where its view does not look, faster than that, is not asked there.
+        what it does where its view does not look, faster than that, is not asked there. What is as
+        it is measured heals its own view in any case: beside it less must fail in all.
 
         """
         assert finding.effect is not None
@@ -58,6 +59,9 @@ class Against:
         without = self.places.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
+        if finding.effect.nameless and \
+                self.places.failing(after_it) >= self.places.failing(before_it):
+            return 'beside it no less fails than without it'
         with_it = self.places.tests(after_it)
         shown, said = {f.view for f in with_it}, ''
         if finding.view not in shown:

@@ -21,6 +21,9 @@ SHARP = 100.0    # f0/width: of a larger one nothing but a peak draws it
 # f0/width of a peak no higher than what is around it: of a larger one displacement and velocity
 # look alike, and the first is fitted alone
 BLUNT = 30.0
+# root of how many times the power around it a peak has that may be folded (a choice): what is
+# folded lies between displacement and velocity, and of a lower peak one of these is as good
+HIGH = 3.0
 # in a part of a record a line that wanders is tried off its centre by so many widths, and so many
 # times as wide as in the whole
 MOVED = np.linspace(-1, 1, 17)
@@ -32,15 +35,16 @@ NARROWER = 1.0, 0.7, 0.5, 0.35
 SKIRTS = 4.0
 STAYED = 0.1
 AWAY, ON = 2.0, 0.5
-FORMS = DISPLACEMENT, VELOCITY, WANDERING = ('displacement', 'velocity', 'wandering')
+WANDERING = 'wandering'
+FORMS = oscillator.DISPLACEMENT, oscillator.VELOCITY, WANDERING, oscillator.FOLDED
 
 
 class Narrowband(Spectrum):
     """
     Noise in a band around f0, of a full width at half height.
 
-    A damped oscillator's peak (displacement, velocity), or the bell of a line whose frequency
-    wanders slowly, as that of a machine does.
+    A damped oscillator's peak (displacement, velocity, folded from above half the rate), or the
+    bell of a line whose frequency wanders slowly, as that of a machine does.
 
     """
 
@@ -49,7 +53,8 @@ class Narrowband(Spectrum):
     title = 'narrow band of noise'
     equation = (
         'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
-        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; wandering: '
+        'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; folded: rms^2 '
+        'dt (1 - r^2) (1/|1 - p z^-1|^2 + 1/|1 - p* z^-1|^2), p = r e^(i 2 pi f0 dt); wandering: '
         'rms^2 sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2)'
     )
     signature = (
@@ -59,7 +64,8 @@ class Narrowband(Spectrum):
     hint = (
         'A resonance of the mount, the case or the sensing element, or a machine whose speed '
         'wanders, or that comes and goes. Tap the mount and see whether it rings there; change '
-        'the speed of what turns near by; record on a heavy base.'
+        'the speed of what turns near by; record on a heavy base. What is folded rings above half '
+        'the rate: record at a higher one and see whether it moves.'
     )
     reference = (
         'Box and Jenkins, Time Series Analysis, section 3.2 (AR(2), pseudo-periodic); Papoulis, '
@@ -90,11 +96,17 @@ class Narrowband(Spectrum):
         some = [*narrow, *broad]
         forms = (self.chosen('form'),) if 'form' in self.values else FORMS
         least = bell.LEAST / evidence.duration
+
+        def shows(form: str, f: float, width: float) -> bool:
+            if form == WANDERING:
+                return width > 2 * least
+            high = _height(evidence, f, width)
+            return f < BLUNT * width * high and (form != oscillator.FOLDED or high > HIGH)
+
         return [self.with_values(
             frequency=f, width=max(width, least) if form == WANDERING else width, form=form)
-            for form in forms for f, width in some if form == forms[0] or (
-                width > 2 * least if form == WANDERING
-                else f < BLUNT * width * _height(evidence, f, width))]
+            for form in forms for f, width in some
+            if form == forms[0] or shows(form, f, width)]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -159,11 +171,7 @@ class Narrowband(Spectrum):
 
     @property
     def _form(self) -> str:
-        return self.chosen('form') if 'form' in self.values else DISPLACEMENT
-
-    @property
-    def _velocity(self) -> bool:
-        return self._form == VELOCITY
+        return self.chosen('form') if 'form' in self.values else oscillator.DISPLACEMENT
 
     @property
     def _wanders(self) -> bool:
@@ -177,25 +185,25 @@ class Narrowband(Spectrum):
         """Return the AR(2) spectrum, or the bell."""
         if self._wanders:
             return bell.psd(f, *self._swing, dt)
-        return oscillator.psd(f, *self._swing, dt, self._velocity)
+        return oscillator.psd(f, *self._swing, dt, self._form)
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
         if self._wanders:
             return bell.binned(bins, *self._swing)
-        return oscillator.binned(bins, *self._swing, self._velocity)
+        return oscillator.binned(bins, *self._swing, self._form)
 
     def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
         """Return how that follows the centre and the width."""
         found = bell.slopes(bins, *self._swing) if self._wanders else \
-            oscillator.slopes(bins, *self._swing, self._velocity)
+            oscillator.slopes(bins, *self._swing, self._form)
         return dict(zip(('frequency', 'width'), found))
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
         if self._wanders:
             return bell.avar(m, *self._swing, dt)
-        return oscillator.avar(m, *self._swing, dt, self._velocity)
+        return oscillator.avar(m, *self._swing, dt, self._form)
 
     def _coefficients(self, dt):
         r = np.exp(-np.pi * self['width'] * dt)
@@ -205,17 +213,22 @@ class Narrowband(Spectrum):
         """
         Two states, this sample of the swing and the last; of its velocity one more.
 
-        None for a bell: no finite recursion has it.
+        Of what is folded the swing and what lies a quarter of a turn off it. None for a bell: no
+        finite recursion has it.
 
         """
         if self._wanders:
             return None
-        first, second = self._coefficients(dt)
-        q = oscillator.innovation_variance(*self._swing, dt, self._velocity)
-        many = 2 + self._velocity
+        q = oscillator.innovation_variance(*self._swing, dt, self._form)
+        if self._form == oscillator.FOLDED:
+            turn = np.exp(-np.pi * self['width'] * dt + 2j * np.pi * self['frequency'] * dt)
+            step = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
+            return step, q * np.eye(2), np.array([[1.0, 0.0]])
+        velocity = self._form == oscillator.VELOCITY
+        many = 2 + velocity
         step = np.eye(many, k=-1)
-        step[0, :2] = first, second
-        heard = [[1.0, 0.0, -1.0]] if self._velocity else [[1.0, 0.0]]
+        step[0, :2] = self._coefficients(dt)
+        heard = [[1.0, 0.0, -1.0]] if velocity else [[1.0, 0.0]]
         return step, np.diag([q] + [0.0] * (many - 1)), np.array(heard)
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
@@ -223,16 +236,21 @@ class Narrowband(Spectrum):
         if self._wanders:
             return x + bell.sample(len(x), *self._swing, inputs.dt, rng)
         from scipy.signal import lfilter, lfiltic  # half a second to load
+        q = oscillator.innovation_variance(*self._swing, inputs.dt, self._form)
+        if self._form == oscillator.FOLDED:
+            turn = np.exp((-np.pi * self['width'] + 2j * np.pi * self['frequency']) * inputs.dt)
+            w = np.sqrt(q) * (rng.standard_normal(len(x)) + 1j * rng.standard_normal(len(x)))
+            w[0] *= self['rms'] / np.sqrt(q)
+            return x + lfilter([1.0], [1.0, -turn], w).real
         first, second = self._coefficients(inputs.dt)
         rho = first / (1 - second)
-        q = oscillator.innovation_variance(*self._swing, inputs.dt, self._velocity)
-        size = oscillator.displacement(*self._swing, inputs.dt, self._velocity)
+        size = oscillator.displacement(*self._swing, inputs.dt, self._form)
         last = size * rng.standard_normal()
         before = rho * last + size * np.sqrt(1 - rho * rho) * rng.standard_normal()
         w = np.sqrt(q) * rng.standard_normal(len(x))
         a = [1.0, -first, -second]
         y = lfilter([1.0], a, w, zi=lfiltic([1.0], a, [last, before]))[0]
-        if self._velocity:
+        if self._form == oscillator.VELOCITY:
             y = y - np.concatenate([[before, last], y])[:len(y)]
         return x + y
 
@@ -246,7 +264,7 @@ def _height(evidence: Evidence, f: float, width: float) -> float:
     """
     Return how high a peak stands above the spectrum around it, 1 at least, as a root of power.
 
-    Its skirts reach so many half widths from it, of P times their power: there, both forms of a
+    Its skirts reach so many half widths from it, of P times their power: there, the forms of a
     resonance differ by P^(1/2) width/f0 of it.
 
     """
