@@ -132,6 +132,38 @@ def test_one_machine_of_a_known_form_keeps_its_name():
     assert 'narrowband' in [e.name for e in state.model]
 
 
+@pytest.mark.parametrize(('seed', 'on'), [(4, False), seldom(5, True), seldom(6, True)])
+def test_one_machine_that_wanders_seldom_is_a_narrow_band_as_measured(seed, on):
+    """Its spectrum is where it has been; that its level stays tells it from noise of no form."""
+    rng, rate, seconds = np.random.default_rng(seed), 100, 1200
+    shaken = motors(rng, rate, seconds, (23.0,), wander=0.1, above=300, tau=seconds / 40)
+    if on:
+        t = np.arange(shaken.shape[1]) / rate
+        shaken = shaken * ((t > 200) & (t < 700) | (t > 1000))
+    state, said = told(record_of(shaken, rng, rate))
+    assert said.verdict == 'complete'
+    assert {e.name for e in state.model} <= {'white', 'flicker', 'random_walk', 'narrowband'}
+    machine = state.model['narrowband']
+    assert machine.chosen('form') == 'measured' and machine.as_measured
+    assert machine['frequency'] == pytest.approx(23.0, abs=0.15)
+    assert machine['rms'] == pytest.approx(np.std(shaken), rel=0.02)
+    assert state.fit.estimates['narrowband']['frequency'].note == 'as it is measured'
+    low, high = state.fit.estimates['white']['N'].ci95
+    assert low < N_WHITE < high
+
+
+def test_of_noise_no_form_is_measured():
+    """Where no level stays it is no form that another one may take."""
+    rng = np.random.default_rng(7)
+    evidence = problem_of(record_of(np.zeros((1, 20_000)), rng, 100)).evidence
+    peak = find_effect('noise', 'narrowband').example()
+    form = next(p for p in peak.parameters if p.name == 'form')
+    assert len(evidence.machines) == 0 and evidence.machine_at(4.0) is None
+    assert peak.with_values(form='measured').by_chance(evidence) == np.inf
+    assert form.choices.index('measured') not in peak.others(form, evidence)
+    assert not type(peak)({'form': 'measured'}).starts(evidence)
+
+
 def test_its_levels_are_those_of_each_part():
     """A half tells how a machine was in it: what it did in the other one is no prediction."""
     rng = np.random.default_rng(7)

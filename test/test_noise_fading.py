@@ -78,6 +78,42 @@ def test_the_ratio_is_one_of_a_machine_two_of_a_resonance_more_of_what_is_switch
     assert ratio['switched'] == pytest.approx(70 / 18, rel=0.15)
 
 
+def once(rng, f, width):
+    """Return a machine that runs for less than half of the record."""
+    return machine(rng, f, width) * ((T > 40) & (T < 130))
+
+
+def beating(rng, f, width):
+    """Return two machines side by side."""
+    return machine(rng, f, width) + machine(rng, f + width, width)
+
+
+@pytest.mark.parametrize('seed', daily([*range(6)], 0))
+@pytest.mark.parametrize('make, told', [
+    (machine, True), (once, True), (resonance, False), (beating, False)])
+def test_the_level_of_one_machine_stays_while_it_is_on(seed, make, told):
+    """Of a band whose ends are far from it; what a resonance or two machines make swings."""
+    rng, width = np.random.default_rng([15, seed]), 0.4
+    y = make(rng, 25.0, width)
+    c = cosine_transform(y / np.std(y) + 0.1 * rng.standard_normal(N))
+    low, high = (round(f * 2 * N * DT) for f in (23.5, 26.5))
+    assert fading.stays(c, low, high) == told
+    assert not fading.stays(c, low, low + 10), 'too few amplitudes'
+
+
+@pytest.mark.parametrize('count', daily((400, 60), 60))
+def test_noise_in_a_band_is_no_machine(count):
+    """Of any width and shape."""
+    rng = np.random.default_rng(16)
+    for _ in range(count):
+        c = 0.1 * rng.standard_normal(N)
+        x = np.linspace(-1, 1, int(10 ** rng.uniform(1.3, 3.5)))
+        low = rng.integers(500, N - 500 - len(x))
+        shape = np.exp(-0.5 * (x / rng.uniform(0.1, 3)) ** 2)
+        c[low:low + len(x)] += 10 * shape * rng.standard_normal(len(x))
+        assert not fading.stays(c, low, low + len(x))
+
+
 def test_a_band_at_the_end_of_the_spectrum_and_one_that_is_cut_are_not_told():
     rng = np.random.default_rng(13)
     c = cosine_transform(resonance(rng, 25.0, 2.0))

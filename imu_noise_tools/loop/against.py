@@ -59,7 +59,7 @@ class Against:
         without = self.places.tests(before_it)
         if not finding.effect.counted or finding.view not in {f.view for f in failures(without)}:
             return ''
-        if finding.effect.nameless and \
+        if finding.effect.as_measured and \
                 self.places.failing(after_it) >= self.places.failing(before_it):
             return 'beside it no less fails than without it'
         with_it = self.places.tests(after_it)

@@ -288,6 +288,11 @@ class Effect:
         return False
 
     @property
+    def as_measured(self) -> bool:
+        """Whether it takes its levels from the record, and so has no form that may be another."""
+        return False
+
+    @property
     def fitted(self) -> bool:
         """Whether every parameter has a value."""
         return all(p.name in self.values for p in self.parameters)

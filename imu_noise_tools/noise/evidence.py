@@ -23,6 +23,7 @@ from scipy.fft import dct, idct, next_fast_len
 from scipy.ndimage import median_filter
 
 from .kinds import Defect, Inputs, Line, measured, model_hides, Modulation, NoiseEffect
+from .loud_bands import AROUND, STEP
 from .passing import in_part
 from .shared import derived, LATER, own_noise, SHAKEN
 from .thermal import COURSE, Course, course_of, TEMPERATURE, without_lines
@@ -32,8 +33,6 @@ from ..core.spectrum import Bins, bins_of, folded
 from ..loop.effect import Effect, Estimate, Finding, Model
 
 SQUARE = 'accel_square'  # the squared vibration
-STEP = 0.05  # of ln f: steps in which it is looked for what stands out of a spectrum
-AROUND = 35  # such steps, over which the median is what is around it
 NEAR = 12  # bins on either side of a line that tell the level there
 EDGE = np.sqrt(26)  # by which the place of a change scatters: of noise over squared change
 QUICK = 1 << 11  # places in a half at which what is smooth in time is asked for, at least
@@ -191,7 +190,8 @@ class Evidence:
     ``rounding`` (lags,) the autocovariance of what that adds.
     ``line_table`` (l, 6) holds frequency Hz, a, b of a cos + b sin, z, and the samples [begin,
     end) in which a line is there, ``humps`` (h, 3) frequency and width, Hz, and nats of narrow
-    bands that are no lines, ``fading`` (h, 3) how the level of each fades (:mod:`.fading`).
+    bands that are no lines, ``fading`` (h, 3) how the level of each fades (:mod:`.fading`), and
+    ``machines`` (m, 4) loud bands whose level stays (:mod:`.loud_bands`).
     ``block_power`` (1 or 2, blocks, bands) is the power in time, ``block_count`` its coefficients.
     ``cells`` (1 to 3, cells) counts the whitened samples in equiprobable cells; a second row of
     either is without
@@ -227,6 +227,7 @@ class Evidence:
     before: np.ndarray = field(default_factory=lambda: np.zeros(0))
     rounding: np.ndarray = field(default_factory=lambda: np.zeros(1))
     fading: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    machines: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     clipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statistics: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     _self: object = field(default_factory=object, init=False, repr=False, compare=False)
@@ -265,6 +266,13 @@ class Evidence:
             if near and (told[2] or width < ALIKE * half < ALIKE ** 2 * width):
                 return told[0], told[1], told[2]
         return 0.0, 0.0, 0.0
+
+    def machine_at(self, frequency: float) -> tuple[float, float] | None:
+        """Return the ends, Hz, of the loud band of a machine that a frequency is in, or None."""
+        for low, high, *_ in self.machines.tolist():
+            if low <= frequency < high:
+                return low, high
+        return None
 
     @property
     def slow_inputs(self) -> Inputs:

@@ -20,6 +20,10 @@ from ..core.statistics import MEDIAN
 
 REACH = 2   # widths on either side of the middle that are looked at
 STEADY, SWITCHED = -2.0, 4.5    # what a Gaussian band passes once in a thousand (simulated)
+EACH = 8    # independent amplitudes, of which a stretch has that many: within it a machine is on
+MOST = 64   # such stretches
+ONE = 1.25  # the ratio of one machine is below: of one alone it is 1, of two as loud 1.5
+LONGEST = 2 ** 20   # coefficients: of a wider band it would take more room than all else does
 SOME = 40   # independent amplitudes from which one that stays is told from one that swings
 BESIDE = 4   # times as far as the level beside the band is read (a choice)
 CUT = 0.1    # of its power in the outer quarters: a band is wider than what is looked at
@@ -49,22 +53,66 @@ def fading(c: np.ndarray, k: int, width: int) -> tuple[float, float]:
     low, high = k - reach, k + reach
     if low < 1 or high >= len(c):
         return 0.0, 0.0
+    floor = _floor(c, low, high)
     band = c[low:high]
-    beside = np.concatenate([c[max(1, k - BESIDE * reach):low], c[high:k + BESIDE * reach]])
-    floor = float(np.median(beside ** 2)) / MEDIAN
     noise, edge = len(band) * floor, len(band) // 8
     power = float(band @ band) - noise
     outer = np.concatenate([band[:edge], band[len(band) - edge:]])
     if power <= 0 or outer @ outer - len(outer) * floor > CUT * power:
         return 0.0, 0.0
+    square, count = _amplitudes(band)
+    fourth = float(np.mean(square ** 2)) - 4 * power * noise - 2 * noise ** 2
+    whole = power + noise
+    return fourth / power ** 2, count * (power / whole) ** 4     # what is below it swings too
+
+
+def stays(c: np.ndarray, low: int, high: int) -> bool:
+    """
+    Tell whether the level of a loud band stays as one machine's, while that is on.
+
+    As :func:`fading` tells it, <a^4> over <a^2>^2 of stretches of ``EACH`` amplitudes: a machine
+    that is switched is on, or off, in nearly each of them. Of several side by side that beat it is
+    2 less the sum of the squares of their shares of the power.
+
+    Parameters
+    ----------
+    c : ndarray (n,)
+        Cosine coefficients of the record.
+    low, high : int
+        The band [low, high), coefficients.
+
+    """
+    low, high = max(low, 1), min(high, len(c))
+    if not 2 * EACH <= high - low <= LONGEST:
+        return False
+    band, floor = c[low:high], _floor(c, low, high)
+    square, count = _amplitudes(band)
+    stretches = int(np.clip(count // EACH, 1, MOST))
+    each = np.array_split(square, stretches)
+    noise, weight = len(band) * floor, np.array([len(x) for x in each])
+    power = np.array([np.mean(x) for x in each]) - noise
+    fourth = np.array([np.mean(x ** 2) for x in each]) - 4 * power * noise - 2 * noise ** 2
+    ratio = float(weight @ fourth / (weight @ np.maximum(power, 0.0) ** 2))
+    some = count / stretches
+    return ratio < ONE and (ratio - 2 * some / (some + 1)) * np.sqrt(count) / 2 < STEADY
+
+
+def _floor(c: np.ndarray, low: int, high: int) -> float:
+    """Return the square of a coefficient of the noise beside a band [low, high)."""
+    far = BESIDE * (high - low) // 2
+    middle = (low + high) // 2
+    beside = np.concatenate([c[max(1, middle - far):low], c[high:middle + far]])
+    return float(np.median(beside ** 2)) / MEDIAN
+
+
+def _amplitudes(band: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the squared amplitudes of a band in time, and how many of them are independent."""
     size = 2 * len(band)
     padded = np.zeros(2 * size, complex)
     padded[:len(band)] = band * np.exp(0.5j * np.pi * np.arange(len(band)) / size)
     square = np.abs(np.fft.ifft(padded)[:size] * len(padded)) ** 2
-    fourth = float(np.mean(square ** 2)) - 4 * power * noise - 2 * noise ** 2
-    cells, whole = (band ** 2).reshape(-1, 2).sum(axis=1), power + noise
-    count = 2 * whole ** 2 / float(np.sum(cells ** 2))
-    return fourth / power ** 2, count * (power / whole) ** 4     # what is below it swings too
+    cells = (band ** 2)[:len(band) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    return square, 2 * float(band @ band) ** 2 / float(np.sum(cells ** 2))
 
 
 def decay(c: np.ndarray, dt: float, k: int, width: int) -> float:

@@ -31,6 +31,7 @@ from .humps import fine_edges
 from .kinds import Defect, Inputs, NoiseEffect
 from .line_search import find_peaks, MOST_LINES, ROUNDS
 from .lines import also_in, NO_LINES, of_a_swing, PIECE, take_lines_out, waves
+from .loud_bands import machines
 from .passing import in_part
 from .quiet import loud_stretches, quiet_spectrum
 from .rounded import added_by_rounding, before_rounding, coarse, coarse_part, noise_before
@@ -326,6 +327,8 @@ class _Gathering:
             self.own[axis][name] = Part(
                 length, self.dt, binned[axis, axis], lines[axis], fine, quiet,
                 axis in ended)
+            if whole is not None:
+                self.own[axis]['machines'] = machines(self.own[axis][name], coefficients[axis])
         self.low |= {(k, name): np.array(c[1:LOW + 1]) for k, c in coefficients.items()}
         self.memory.rest()
 

@@ -141,6 +141,11 @@ class NoiseEffect(Effect):
         """Return what levels that it takes from the record gain once in a thousand, nats."""
         return 0.0
 
+    def others(self, parameter: Parameter, evidence: Evidence) -> list[float]:
+        """Return the choices that it may have instead, none whose levels the record lacks."""
+        return [k for k in parameter.others(self[parameter.name]) if np.isfinite(
+            self.with_values(**{parameter.name: k}).by_chance(evidence))]
+
     def muting(self) -> tuple[str, ...]:
         """Return the views that it mutes as it is, of those it may mute."""
         return self.mutes
@@ -273,6 +278,11 @@ class Spectrum(NoiseEffect):
     def centre(self) -> float | None:
         """Frequency (Hz) around which its power may be narrower than a grid resolves, or None."""
         return None
+
+    @property
+    def middle(self) -> float | None:
+        """Frequency (Hz) around which its power is, resolved or not; None of what is broad."""
+        return self.centre
 
     @property
     def uneven(self) -> bool:

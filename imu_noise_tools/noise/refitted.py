@@ -76,7 +76,7 @@ def within_bounds(evidence: Evidence, fit: Fit, more: Fit) -> Fit:
         return more
     forms = [p for p in peak.parameters if p.choices]
     others = [refitted(evidence, fit, type(peak)({p.name: k}))
-              for p in forms for k in p.others(peak[p.name])]
+              for p in forms for k in peak.others(p, evidence)]
     return _best_within(evidence, fit, others, more)
 
 

@@ -59,12 +59,13 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml,
                                lost_without(evidence, fit, label)))
-    if isinstance(effect, Spectrum) and effect.sharp:   # no smooth form has it, whatever is left
+    if peak and isinstance(effect, Spectrum) and effect.sharp:
+        # no smooth form has it, whatever is left
         gain, where = 0.0, ''
         loud = _loud_at_times(evidence, fit) * _on_what_wanders(evidence, fit, effect)
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
-    elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
+    elif isinstance(effect, (Spectrum, Response)) and not (effect.certain or effect.as_measured):
         gain, claim, where = _smoother(evidence, fit, without, label, claimed, claim)
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from .descent import Known, minimise
+from .kinds import Spectrum
 from .likelihood import Likelihood
 from .starts import (
     begun_anew, entered_behind, most_promising, peaks_anew, reddest, Start
@@ -143,11 +144,14 @@ class Found:
         By what forms with more or fewer parameters are compared.
 
         A shape at its bound is no estimate: there another form goes on, and of two as good that
-        which has room is meant.
+        which has room is meant. Levels that are taken from the record cost what they gain by
+        chance.
 
         """
-        free = len(self.x) + self.likelihood.ended(self.x)
-        return self.nll + PRICE * free + self.likelihood.value(self.x)[1].form
+        likelihood = self.likelihood
+        free = len(self.x) + likelihood.ended(self.x)
+        taken = sum(e.by_chance(likelihood.evidence) for e in likelihood.model.of(Spectrum))
+        return self.nll + PRICE * free + taken + likelihood.value(self.x)[1].form
 
 
 def _revived(likelihood, found, reddest, enough):

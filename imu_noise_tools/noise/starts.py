@@ -64,7 +64,7 @@ def starts(likelihood: Likelihood, given: Model | None, anew: bool = False) -> l
             options = [known[e.label]]
             options += [options[0].with_values(**{p.name: k})
                         for p in e.parameters if _asked_again(e, p, model, given, anew)
-                        for k in (p.others(shapes[p.name]) if p.choices else ())]
+                        for k in (options[0].others(p, likelihood.evidence) if p.choices else ())]
             if isinstance(e, Mean) and all(p.discrete for p in e.parameters if p.name in shapes):
                 # nothing else moves it to where it is seen once more is in the model
                 near = e.with_values(**options[0].values).finer(likelihood.evidence)
@@ -412,7 +412,7 @@ def peaks_anew(found: Likelihood, x: np.ndarray) -> list[tuple[Likelihood, np.nd
     searched, out = {s.label for s in found.slots}, []
     for peak in filter(is_peak, found.with_search(x)):
         for p in peak.parameters if peak.label in searched else ():
-            for k in p.others(peak[p.name]):
+            for k in peak.others(p, found.evidence):
                 other = found.beside(found.model.with_effect(peak.with_values(**{p.name: k})))
                 out.append((other, _carried(found, x, other)))
     return out

@@ -44,7 +44,8 @@ def chosen_estimates(likelihood: Likelihood) -> Estimates:
             return Estimate(None, None, (0.0, 0.0), unit, upper95=0.0, point=0.0,
                             note='no part of this form')
         return Estimate(e[p.name], None, None, unit, point=e[p.name], note=(
-            'the best of the values tried' if p.discrete else 'no part of this form'))
+            'the best of the values tried' if p.discrete else
+            'as it is measured' if e.as_measured else 'no part of this form'))
 
     return {
         e.label: {

@@ -7,24 +7,16 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.fft import idct
-from scipy.ndimage import median_filter
-from scipy.special import chdtri
 
-from ..evidence import AROUND, Evidence, Part, STEP
+from .. import loud_bands
+from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum
 from ..rivals import swept
-from ...core.spectrum import band_of, Bins, leaked_beside, OCTAVE
-from ...core.statistics import in_a_row
+from ...core.spectrum import Bins
 from ...loop.effect import Effect, Fit, Model
 
-HIGH = 10.0     # times the power around it that a band has somewhere (a choice: 10 dB)
-CLEAR = 1.0     # standard errors above what is around it, to where it ends
-RARE = 1e-3     # in how many records of nothing it may gain as much
-MANY = 4        # that are looked for
-FEWEST = 8      # coefficients that hold nearly all of its power: in fewer it may be lines
 POINTS = 1024   # of the rule by which its Allan variance is integrated
 NOTHING = 1e-9  # of its level, outside of it
-LAST = 0.01     # of the spectrum's end: what stands for what is above a band that ends there
 
 
 class Band(Spectrum):
@@ -62,7 +54,13 @@ class Band(Spectrum):
         """Start with the strongest bands that stand out of the spectrum around them."""
         if {'low', 'high'} <= set(self.values):
             return super().starts(evidence)
-        return [self.with_values(low=low, high=high) for low, high in _bands(evidence)]
+        return [self.with_values(low=low, high=high)
+                for low, high in loud_bands.bands(evidence.whole)]
+
+    @property
+    def as_measured(self) -> bool:
+        """It has no form."""
+        return True
 
     @property
     def uneven(self) -> bool:
@@ -72,19 +70,12 @@ class Band(Spectrum):
     def colour(self, evidence: Evidence,
                part: str = 'whole') -> Callable[[np.ndarray], np.ndarray]:
         """Return the band as it is measured in a part over an even one, a function of Hz."""
-        here, whole = evidence.part(part), evidence.whole
-        power, total = (_seen(p, self['low'], self['high']) for p in (here, whole))
-        inside = self.heard_by_all(whole.bins.f)
-        rms2 = np.sum((total * whole.bins.count)[inside]) / (2 * whole.bins.n * whole.dt)
-        even = self.with_values(rms=np.sqrt(max(rms2, 1e-300)))
-        step = 2 * here.n * here.dt
-        return lambda f: power[np.clip(here.bins.index(np.round(f * step)), 0, len(power) - 1)] \
-            / even.psd(f, here.dt)
+        return loud_bands.colour(
+            self, self['low'], self['high'], evidence.part(part), evidence.whole)
 
     def by_chance(self, evidence: Evidence) -> float:
-        """Return what a free level in each of its bins gains by chance: half of chi-squared."""
-        free = np.sum(self.heard_by_all(evidence.whole.bins.f))
-        return 0.5 * float(chdtri(max(free, 1), RARE))
+        """Return what a free level in each of its bins gains by chance, nats."""
+        return loud_bands.by_chance(evidence.whole.bins, self['low'], self['high'])
 
     def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
         """Say that it is where a line passes that sweeps."""
@@ -93,8 +84,8 @@ class Band(Spectrum):
     def part_of(self, model: Model) -> str:
         """Say that a peak of the model is in it: what has a form is told by that."""
         for other in model.of(Spectrum):
-            if other.centre is not None and self.heard_by_all(np.array(other.centre)):
-                return f'{other.label} at {other.centre:.4g} Hz is in it'
+            if other.middle is not None and self.heard_by_all(np.array(other.middle)):
+                return f'{other.label} at {other.middle:.4g} Hz is in it'
         return ''
 
     def heard_by_all(self, f: np.ndarray) -> np.ndarray:
@@ -140,64 +131,3 @@ class Band(Spectrum):
     def example(cls) -> Effect:
         """Return a band of 4 to 8 Hz, of 206 deg/h rms (1e-3 rad/s)."""
         return cls({'low': 4.0, 'high': 8.0, 'rms': 1e-3})
-
-
-def _seen(part: Part, low: float, high: float) -> np.ndarray:
-    """Return the power (b,) of a band beyond what is around it, and what of it leaks beside it."""
-    bins = part.bins
-    inside = (bins.f >= low) & (bins.f < high)
-    left = part.power - leaked_beside(part.power, bins, inside)
-    beside = _beside(bins, left, low, high)
-    if _ends_there(bins, high):     # what is there may be the band itself
-        beside = np.minimum(beside, beside[0])
-    around = np.exp(np.interp(np.log(bins.f), np.log([low, high]), np.log(beside)))
-    own = np.where(inside, np.maximum(part.power - around, 0.0), 0.0)
-    return own + leaked_beside(own, bins, inside)
-
-
-def _beside(bins: Bins, power: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return the level (2,) below a band and above it, or at its end where the spectrum ends."""
-    ends = high, min(high * (1 + STEP), 0.5 / bins.dt)
-    if _ends_there(bins, high):
-        ends = high * (1 - LAST), high
-    return np.array([bins.between(power, np.array(some))[1][0]
-                     for some in ((low * (1 - STEP), low), ends)])
-
-
-def _ends_there(bins: Bins, high: float) -> bool:
-    """Tell whether nothing of the spectrum is above a band."""
-    return high > (1 - LAST) * 0.5 / bins.dt
-
-
-def _bands(evidence: Evidence) -> list[tuple[float, float]]:
-    """Return where (low, high), Hz, each of the bands is that stand out most, best first."""
-    bins, power, top = evidence.whole.bins, evidence.whole.power, 0.5 / evidence.dt
-    f = top * np.exp(-STEP * np.arange(np.log(top * evidence.duration / 8) / STEP)[::-1])
-    if len(f) < AROUND:
-        return []
-    high = _over(bins, power, f) > np.log(HIGH)
-    at = np.searchsorted(f, bins.f, side='right') - 1
-    left = power - leaked_beside(power, bins, (at >= 0) & high[np.clip(at, 0, len(high) - 1)])
-    count, level = bins.between(left, f)
-    over = _over(bins, left, f)
-    out = []
-    for a, b in in_a_row(over > CLEAR * np.sqrt(2 / count)):
-        low, end = float(f[a]), float(f[b])
-        inside = (bins.f >= low) & (bins.f < end)
-        # a step may lie between the middles of two bins
-        if a == 0 or not np.any(inside) or np.max(over[a:b]) < np.log(HIGH) \
-                or np.max(level[a:b]) < HIGH * np.max(_beside(bins, left, low, end)):
-            continue
-        own = _seen(evidence.whole, low, end) * bins.count
-        first, last = band_of(own[inside], bins.f[inside])
-        if last <= OCTAVE * first and last - first > FEWEST / (2 * evidence.duration):
-            out.append((float(np.max(over[a:b])), low, end))
-    return [(low, end) for _, low, end in sorted(out, reverse=True)[:MANY]]
-
-
-def _over(bins: Bins, power: np.ndarray, f: np.ndarray) -> np.ndarray:
-    """Return by how much the power between frequencies (k,) is above that around it, (k - 1,)."""
-    # Evidence.bumps asks this of steps that begin at the other end, and for summits of any height:
-    # there the spectrum is taken to go on as it ends, here a band that ends with it is mirrored
-    level = np.log(bins.between(power, f)[1])
-    return level - median_filter(level, AROUND)

@@ -3,8 +3,11 @@
 
 """A narrow band of noise: a resonance, or a line that a wandering speed has broadened."""
 
+from collections.abc import Callable
+
 import numpy as np
 
+from .. import loud_bands
 from ..evidence import Evidence
 from ..fading import in_words
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
@@ -35,8 +38,9 @@ NARROWER = 1.0, 0.7, 0.5, 0.35
 SKIRTS = 4.0
 STAYED = 0.1
 AWAY, ON = 2.0, 0.5
-WANDERING = 'wandering'
-FORMS = oscillator.DISPLACEMENT, oscillator.VELOCITY, WANDERING, oscillator.FOLDED
+NOTHING = 1e-9  # of the height of what is measured, where its bell is nothing
+WANDERING, MEASURED = 'wandering', 'measured'
+FORMS = oscillator.DISPLACEMENT, oscillator.VELOCITY, WANDERING, oscillator.FOLDED, MEASURED
 
 
 class Narrowband(Spectrum):
@@ -44,7 +48,8 @@ class Narrowband(Spectrum):
     Noise in a band around f0, of a full width at half height.
 
     A damped oscillator's peak (displacement, velocity, folded from above half the rate), or the
-    bell of a line whose frequency wanders slowly, as that of a machine does.
+    bell of a line whose frequency wanders slowly, as that of a machine does. Of a machine that
+    wanders too seldom in a record for a bell the levels are as they are measured.
 
     """
 
@@ -55,7 +60,7 @@ class Narrowband(Spectrum):
         'S(f) = 2 s^2 dt/|1 - 2 r cos(2 pi f0 dt) z^-1 + r^2 z^-2|^2 (one-sided), z = e^(i 2 pi f '
         'dt), r = e^(-pi width dt), s by the rms; of velocity times |1 - z^-2|^2; folded: rms^2 '
         'dt (1 - r^2) (1/|1 - p z^-1|^2 + 1/|1 - p* z^-1|^2), p = r e^(i 2 pi f0 dt); wandering: '
-        'rms^2 sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2)'
+        'rms^2 sqrt(4 ln 2/pi)/width e^(-4 ln 2 ((f - f0)/width)^2); measured: as it is measured'
     )
     signature = (
         'a peak in the PSD that is wider than the record resolves; a bump in the Allan deviation '
@@ -95,6 +100,8 @@ class Narrowband(Spectrum):
                  if clear > CLEAR or k == 0]
         some = [*narrow, *broad]
         forms = (self.chosen('form'),) if 'form' in self.values else FORMS
+        machines = evidence.machines.tolist() if MEASURED in forms else []
+        forms = tuple(form for form in forms if form != MEASURED)
         least = bell.LEAST / evidence.duration
 
         def shows(form: str, f: float, width: float) -> bool:
@@ -103,10 +110,11 @@ class Narrowband(Spectrum):
             high = _height(evidence, f, width)
             return f < BLUNT * width * high and (form != oscillator.FOLDED or high > HIGH)
 
-        return [self.with_values(
+        return [*(self.with_values(
             frequency=f, width=max(width, least) if form == WANDERING else width, form=form)
-            for form in forms for f, width in some
-            if form == forms[0] or shows(form, f, width)]
+            for form in forms for f, width in some if form == forms[0] or shows(form, f, width)),
+            *(self.with_values(frequency=f, width=width, form=MEASURED)
+              for _, _, f, width in machines)]
 
     def bounds(self, evidence: Evidence) -> dict[str, tuple[float, float]]:
         """Stay on the peak that the start is at: between a line and a broad shoulder."""
@@ -114,6 +122,8 @@ class Narrowband(Spectrum):
         least = (bell.LEAST if self._wanders else SHARPEST) / evidence.duration
         if f is None or width is None:
             return {'width': (least, 0.2 / evidence.dt)}
+        if self.as_measured:
+            return {'frequency': (f, f), 'width': (width, width)}
         reach = min(4 * max(width, 1 / evidence.duration), 0.5 * f)
         return {
             'frequency': (f - reach, min(f + reach, 0.499 / evidence.dt)),
@@ -121,15 +131,44 @@ class Narrowband(Spectrum):
         }
 
     @property
-    def centre(self) -> float:
-        """Its power is narrower than a grid of frequencies may resolve."""
+    def centre(self) -> float | None:
+        """Its power is narrower than a grid of frequencies may resolve, unless it is measured."""
+        return None if self.as_measured else self.middle
+
+    @property
+    def middle(self) -> float:
+        """It is around that."""
         return self['frequency']
+
+    @property
+    def as_measured(self) -> bool:
+        """Of a machine that no form tells."""
+        return self._form == MEASURED
+
+    @property
+    def uneven(self) -> bool:
+        """What a machine makes may come and go."""
+        return True
 
     @property
     def sharp(self) -> bool:
         """It is narrower than a filter or what axes share can draw."""
         f, width = (self.values.get(k, 0.0) for k in ('frequency', 'width'))
-        return f > SHARP * width
+        return f > SHARP * width or self.as_measured
+
+    def colour(self, evidence: Evidence,
+               part: str = 'whole') -> Callable[[np.ndarray], np.ndarray] | None:
+        """Return what is measured of a machine, in a part, over its bell, a function of Hz."""
+        at = evidence.machine_at(self['frequency']) if self.as_measured else None
+        return None if at is None else loud_bands.colour(
+            self, *at, evidence.part(part), evidence.whole)
+
+    def by_chance(self, evidence: Evidence) -> float:
+        """Return what a free level in each bin gains by chance where it is measured, nats."""
+        if not self.as_measured:
+            return 0.0
+        at = evidence.machine_at(self['frequency'])
+        return np.inf if at is None else loud_bands.by_chance(evidence.whole.bins, *at)
 
     def part_of(self, model: Model) -> str:
         """
@@ -151,8 +190,8 @@ class Narrowband(Spectrum):
             apart = abs(weak['frequency'] - strong['frequency']) / max(
                 weak['width'], strong['width'])
             if apart < 1 and alike and share < FLEXIBLE_SHARE \
-                    or apart < AWAY and strong._wanders and wider < 1 and share < STAYED \
-                    or apart < (0.0, ON, AWAY)[strong._wanders + weak._wanders] and alike:
+                    or apart < AWAY and strong._strays and wider < 1 and share < STAYED \
+                    or apart < (0.0, ON, AWAY)[strong._strays + weak._strays] and alike:
                 return (f'of two that lie on each other at {strong["frequency"]:.4g} Hz one has '
                         f'{100 * share:.2g} % of the power: it is the shape of the other')
         return ''
@@ -178,30 +217,36 @@ class Narrowband(Spectrum):
         return self._form == WANDERING
 
     @property
+    def _strays(self) -> bool:
+        return self._wanders or self.as_measured
+
+    @property
     def _swing(self) -> tuple[float, float, float]:
         return self['rms'], self['frequency'], self['width']
 
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
-        """Return the AR(2) spectrum, or the bell."""
+        """Return the AR(2) spectrum, or the bell; of that a little wherever it is measured."""
+        if self.as_measured:
+            return bell.psd(f, *self._swing, dt) + NOTHING * self['rms']**2 / self['width']
         if self._wanders:
             return bell.psd(f, *self._swing, dt)
         return oscillator.psd(f, *self._swing, dt, self._form)
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its expected power in bins, however narrow it is."""
-        if self._wanders:
+        if self._strays:
             return bell.binned(bins, *self._swing)
         return oscillator.binned(bins, *self._swing, self._form)
 
     def slopes(self, bins: Bins) -> dict[str, np.ndarray]:
         """Return how that follows the centre and the width."""
-        found = bell.slopes(bins, *self._swing) if self._wanders else \
+        found = bell.slopes(bins, *self._swing) if self._strays else \
             oscillator.slopes(bins, *self._swing, self._form)
         return dict(zip(('frequency', 'width'), found))
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """Return the closed form of the sampled process."""
-        if self._wanders:
+        if self._strays:
             return bell.avar(m, *self._swing, dt)
         return oscillator.avar(m, *self._swing, dt, self._form)
 
@@ -217,7 +262,7 @@ class Narrowband(Spectrum):
         finite recursion has it.
 
         """
-        if self._wanders:
+        if self._strays:
             return None
         q = oscillator.innovation_variance(*self._swing, dt, self._form)
         if self._form == oscillator.FOLDED:
@@ -233,7 +278,7 @@ class Narrowband(Spectrum):
 
     def apply(self, x: np.ndarray, inputs: Inputs, rng: np.random.Generator) -> np.ndarray:
         """Add the recursion, started stationary, or a bell's samples."""
-        if self._wanders:
+        if self._strays:
             return x + bell.sample(len(x), *self._swing, inputs.dt, rng)
         from scipy.signal import lfilter, lfiltic  # half a second to load
         q = oscillator.innovation_variance(*self._swing, inputs.dt, self._form)
