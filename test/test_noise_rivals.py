@@ -379,7 +379,8 @@ def test_a_clear_peak_that_ends_at_its_bound_is_asked_in_its_other_forms(
     monkeypatch.setattr(refitted, 'at_bound', lambda e, effect, s: effect['form'] not in kept)
     monkeypatch.setattr(refitted, 'gain_of', lambda e, f, more, partly: gain + more.model[
         'narrowband']['form'])
-    best = refitted.within_bounds(None, None, fit_of(cls({'frequency': 5.0, 'form': 2.0})))
+    no_machine = SimpleNamespace(machine_at=lambda frequency: None)
+    best = refitted.within_bounds(no_machine, None, fit_of(cls({'frequency': 5.0, 'form': 2.0})))
     assert best.model['narrowband']['form'] == form
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -15,6 +16,10 @@ from .fading import stays
 from ..core.bell import LEAST
 from ..core.spectrum import band_of, Bins, leaked_beside, OCTAVE
 from ..core.statistics import in_a_row
+
+if TYPE_CHECKING:       # evidence asks for them
+    from .evidence import Part
+    from .kinds import Spectrum
 
 STEP = 0.05  # of ln f: steps in which it is looked for what stands out of a spectrum
 AROUND = 35  # such steps, over which the median is what is around it
@@ -27,7 +32,7 @@ LAST = 0.01     # of the spectrum's end: what stands for what is above a band th
 MIDDLE = 0.16, 0.5, 0.84    # shares of the power below: a deviation on either side of the middle
 
 
-def bands(part) -> list[tuple[float, float]]:
+def bands(part: Part) -> list[tuple[float, float]]:
     """
     Return where (low, high), Hz, each of the bands is that stand out most, best first.
 
@@ -61,7 +66,7 @@ def bands(part) -> list[tuple[float, float]]:
     return [(low, end) for _, low, end in sorted(out, reverse=True)[:MANY]]
 
 
-def machines(part, c: np.ndarray) -> np.ndarray:
+def machines(part: Part, c: np.ndarray) -> np.ndarray:
     """
     Return (m, 4): low, high, middle and width, Hz, of the bands whose level stays as a machine's.
 
@@ -82,7 +87,7 @@ def machines(part, c: np.ndarray) -> np.ndarray:
     return np.array(out).reshape(-1, 4)
 
 
-def seen(part, low: float, high: float) -> np.ndarray:
+def seen(part: Part, low: float, high: float) -> np.ndarray:
     """Return the power (b,) of a band beyond what is around it, and what of it leaks beside it."""
     bins = part.bins
     inside = (bins.f >= low) & (bins.f < high)
@@ -95,7 +100,8 @@ def seen(part, low: float, high: float) -> np.ndarray:
     return own + leaked_beside(own, bins, inside)
 
 
-def colour(effect, low: float, high: float, here, whole) -> Callable[[np.ndarray], np.ndarray]:
+def colour(effect: Spectrum, low: float, high: float, here: Part,
+           whole: Part) -> Callable[[np.ndarray], np.ndarray]:
     """
     Return a band from low to high, Hz, as it is measured over an effect's own form, of Hz.
 
