@@ -110,6 +110,7 @@ def colour(effect: Spectrum, low: float, high: float, here: Part,
     effect : Spectrum
         Its ``rms`` scales what is measured, all of it where it is that of the whole record.
     low, high : float
+        Its ends, Hz.
     here, whole : Part
         The spectrum that is asked for, and that of the whole record.
 
