@@ -148,6 +148,7 @@ def test_one_machine_that_wanders_seldom_is_a_narrow_band_as_measured(seed, on):
     assert machine['frequency'] == pytest.approx(23.0, abs=0.15)
     assert machine['rms'] == pytest.approx(np.std(shaken), rel=0.02)
     assert state.fit.estimates['narrowband']['frequency'].note == 'as it is measured'
+    assert 'while that runs' in machine.manner(state.problem.evidence)
     low, high = state.fit.estimates['white']['N'].ci95
     assert low < N_WHITE < high
 

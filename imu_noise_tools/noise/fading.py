@@ -31,6 +31,7 @@ RATES = np.geomspace(0.5, 40, 14)   # 1/T: how fast a line may fade
 NARROW, WIDEST = 4, 64  # coefficients: of a line that fades
 LIKELIER = 20.0     # nats, than one that stays (a choice: far beyond chance)
 STAYS, SWINGS, COMES, UNTOLD = 'stays', 'swings', 'comes', ''
+RUNS = 'its level stays as that of one machine does, while that runs'
 
 
 def fading(c: np.ndarray, k: int, width: int) -> tuple[float, float]:

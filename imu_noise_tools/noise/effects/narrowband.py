@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import loud_bands
 from ..evidence import Evidence
-from ..fading import in_words
+from ..fading import in_words, RUNS
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
 from ...core import bell, oscillator
 from ...core.spectrum import Bins
@@ -206,7 +206,8 @@ class Narrowband(Spectrum):
 
     def manner(self, evidence: Evidence) -> str:
         """Say how its level fades: a machine's stays, a resonance's swings."""
-        return in_words(*evidence.fades(self['frequency'], self['width']))
+        return RUNS if self.as_measured else in_words(
+            *evidence.fades(self['frequency'], self['width']))
 
     @property
     def _form(self) -> str:
