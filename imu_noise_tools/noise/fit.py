@@ -73,7 +73,8 @@ class Details:
 
 def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | None = None,
         intervals: bool = True, cautious: bool | None = None, start: Model | None = None,
-        basis: Explained | None = None, hint: Explained | None = None, robust: bool = True) -> Fit:
+        basis: Explained | None = None, hint: Explained | None = None, robust: bool = True,
+        smaller: Model | None = None) -> Fit:
     """
     Fit a model to one part of one axis.
 
@@ -101,6 +102,9 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
         plain fit only, which takes a fraction of the time.
     robust : bool
         Whether to choose what the fit rests on; else it rests on every bin.
+    smaller : Model or None
+        The fit of a model with an effect less, from whose values it starts as well as from what
+        the effects propose by themselves.
 
     Raises
     ------
@@ -119,7 +123,10 @@ def fit(evidence: Evidence, model: Model, part: str = 'whole', *, mean: Fit | No
     # of a half, or on a basis that is known, the start is the end of much the same fit
     known = start is not None and set(model.labels) <= set(start.labels) and (
         mean is not None or basis is not None)
-    found = search.from_starts(plain, starts(plain, start, not known), 1 if known else None)
+    begins = starts(plain, start, not known)
+    if smaller is not None:
+        begins += starts(plain, smaller, anew=True)
+    found = search.from_starts(plain, begins, 1 if known else None)
     if found is None:
         raise FitError(
             f'{evidence.axis}: {model} has no finite likelihood',

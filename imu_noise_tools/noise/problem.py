@@ -89,7 +89,7 @@ class NoiseProblem(Problem):
         if self.part != 'whole':
             return self.point(model)
         if model not in self._fits:
-            found = self._by_method(fit_part(self.evidence, model))
+            found = self._by_method(fit_part(self.evidence, model, smaller=self._smaller(model)))
             self._fits[model] = replace(found, estimates=self._planned(found))
         return self._fits[model]
 
@@ -152,11 +152,25 @@ class NoiseProblem(Problem):
 
     def _point(self, model: Model) -> Fit:
         if self.part == 'whole':
-            return fit_part(self.evidence, model, intervals=False, cautious=True,
-                            **self._near(model))
+            near = self._near(model)
+            return fit_part(self.evidence, model, intervals=False, cautious=True, **near,
+                            smaller=None if near else self._smaller(model))
         whole = self.whole.point(model)
         return fit_part(self.evidence, model, self.part, mean=whole, intervals=False,
                         start=whole.model)
+
+    def _smaller(self, model: Model) -> Model | None:
+        """
+        Return the fit of a model less the last of several effects that have shapes, if it has such.
+
+        What each proposes by the measured spectrum is far from what it is beside the others, and
+        of several together no more than a few of all pairs are tried. Beside those before it, one
+        after the other, each is looked for by what they leave.
+
+        """
+        shaped = [e.label for e in model.of(NoiseEffect) if not isinstance(e, MEASURED)
+                  and any(not p.amplitude and not p.linear for p in e.parameters)]
+        return self.point(model.minus(shaped[-1])).model if len(shaped) > 1 else None
 
     def _by_method(self, found):
         if self.method == 'avar':
