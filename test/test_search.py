@@ -719,6 +719,30 @@ def test_a_chain_that_is_held_is_weighed_without_what_has_fallen(search):
     assert search.forward(held) == main
 
 
+@pytest.mark.parametrize('gone', [True, False])
+def test_what_fell_beside_what_is_gone_is_asked_again_where_one_of_its_kind_took_its_place(
+        search, gone):
+    """Beside two steps a relaxation had gained little; a telegraph was named, which gains less."""
+    step, relaxation, telegraph = (
+        found(name, view, gain) for name, view, gain in (
+            ('step', 'time', 17.0), ('gauss_markov', 'frequency', 16.0),
+            ('rts', 'frequency', 11.0)))
+    search.places.problem.exchanges = lambda effect, later: ('gauss_markov', 'rts') * any(
+        effect.name == 'rts' and e.name == 'step' for e in later)
+    search.against.unconfirmed = lambda *_: (100.0, '')
+    search.against.unhealed_with = search.against.shadowed = lambda *_: ''
+    search.against.shaped = lambda model, name, f: (
+        'gains no more than chance' if name == 'gauss_markov' and 'step' in model else '')
+    _places(search, {'': [relaxation, telegraph], 'step': [relaxation, telegraph]})
+    search._heals = search._lowers = lambda *_: True
+    search.refuted.update(search.backward([step, relaxation]))
+    assert [*search.refuted] == ['gauss_markov']
+    chain = [telegraph] if gone else [step, telegraph]
+    out = search._exchanged(chain)
+    assert [f.name for f in out] == (['gauss_markov'] if gone else ['step', 'rts'])
+    assert ('gauss_markov' in search.refuted) != gone
+
+
 @pytest.mark.parametrize('probability, explains, said', [
     (0.01, 0.0, 'complete'),
     (0.3, 0.0, 'undecidable'),

@@ -45,6 +45,7 @@ class Search(Chains):
         super().__init__(state, tried)
         self._nameless: dict[str, Finding] = {}     # is there, but in no form that is known
         self._beside: dict[str, frozenset[str]] = {}  # what is doubted, beside what
+        self._fell: dict[str, dict[str, Finding]] = {}  # what has another shape, beside what
 
     # --- forward ----------------------------------------------------------------------------
 
@@ -174,15 +175,18 @@ class Search(Chains):
         Return a chain with members exchanged for what gains more beside all the others.
 
         What came first explained what of another one it could, before that one was there; it is
-        asked again beside it (sequential replacement: Miller, Subset Selection, chapter 3).
+        asked again beside it (sequential replacement: Miller, Subset Selection, chapter 3). So is
+        what fell beside one that is gone: without that it may explain more.
 
         """
         seen = {self.places.set_of(chain)}
         i = 0
-        while 1 < len(chain) and i < len(chain):
+        while i < len(chain):
             other = [f for k, f in enumerate(chain) if k != i]
+            gone = self._gone(chain)
             names = self.places.problem.exchanges(
-                chain[i].effect, [f.effect for f in chain[i + 1:]])
+                chain[i].effect, [f.effect for f in (*chain[i + 1:], *sum(gone.values(), []))])
+            back = {k: self.refuted.pop(k) for k in gone if self.refuted[k].name in names}
             place = self.places.at(self.places.model_of(other)) if names else None
             able = self.able(place) if place is not None else []
             found = self._first(other, (f for f in able if f.name in names), set())
@@ -191,8 +195,16 @@ class Search(Chains):
                 seen.add(self.places.set_of(more))
                 chain, i = more, 0
             else:
+                self.refuted.update(back)
                 i += 1
         return chain
+
+    def _gone(self, chain: Sequence[Finding]) -> dict[str, list[Finding]]:
+        """Return those of a chain that are no more in it beside which something fell, by that."""
+        here = self.places.set_of(chain)
+        gone = {k: [f for j, f in others.items() if j not in here]
+                for k, others in self._fell.items() if k in self.refuted}
+        return {k: some for k, some in gone.items() if some}
 
     def _as_few(self, best: list[Finding], chains: Sequence[list[Finding]]) -> list[Finding]:
         """
@@ -433,6 +445,7 @@ class Search(Chains):
                                                  model, k, f)
             if against:
                 out[k] = replace(f, against=against)
+                self._fell[k] = {j: g for j, g in members.items() if j != k}
         for k, f in members.items() if last or not out else ():
             against = self.against.shadowed(model, k, f)
             if against:
