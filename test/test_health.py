@@ -792,6 +792,29 @@ def test_a_coarse_output_repeats_by_itself(what):
     assert ('steps of the output' in said) == (what == 'coarse')
 
 
+@pytest.mark.parametrize('what, skipped', [
+    ('missing', '1 level'), ('rounded twice', 'levels'), ('even', ''), ('telegraph', ''),
+    ('drifts', '')])
+def test_levels_that_noise_must_meet_and_never_does_are_said(what, skipped):
+    """A stuck bit was called complete, and what it does with the mean a change of the noise."""
+    rng, n = np.random.default_rng(7), 30_000
+    x = 1.3 * rng.standard_normal((n, 6)) + 0.2
+    if what == 'telegraph':
+        x = 0.1 * x + 4 * (np.cumsum(rng.random((n, 1)) < 0.03, axis=0) % 2)
+    elif what == 'drifts':
+        x = 0.4 * x + np.linspace(0, 300, n)[:, None]
+    x = np.round(x)
+    if what == 'missing':
+        x[x == 1] = 2
+    elif what == 'rounded twice':
+        x = np.round(1.5 * x)
+    record = ImuRecord(1e-3 * x[:, :3], 0.05 * x[:, 3:] + [0, 0, 9.7], np.arange(n) / 100, 100.0)
+    said = [s for s in examine(record).advice if 'never stands on' in s]
+    assert len(said) == 6 * bool(skipped) == sum(
+        'never stands on' in w for w in prepare(record).warnings)
+    assert all(skipped in s for s in said)
+
+
 @pytest.mark.parametrize('rate', [100.0, 37.0])
 @pytest.mark.parametrize(
     'given, said', [(10.0, True), (1.05, True), (1.002, False), (None, False)])

@@ -15,8 +15,8 @@ from .prepare import LEAST_REST_S, LEAST_SAMPLES, RECORDING
 from .stamps import examine_stamps, ordered
 from .united import united
 from .values import (
-    at_the_end, finite, is_constant, not_finite, standing, too_fast, unit_of_stamps,
-    where_not_finite, wrong_units)
+    at_the_end, finite, is_constant, never_taken, not_finite, standing, too_fast,
+    unit_of_stamps, where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, LONG_GAP_S, median_rate, PATTERNS, SampleClock
 from ..core.record import ImuRecord, Memory, possible
@@ -377,6 +377,7 @@ def _sample_advice(record: ImuRecord, h: Health) -> list[str]:
         say.append(f'{axis} never changes: check the driver and the wiring.')
     say += [f'{s.in_words}.' for s in standing(record)]
     say += [f'{s}.' for s in at_the_end(h.range_ends, h.samples)]
+    say += [f'{s}.' for s in never_taken(record)]
     if h.held > HELD:
         # more of a coarse output do by chance
         again = h.held - h.alike > HELD * (1 - h.alike)

@@ -21,8 +21,8 @@ from .fill import drawn
 from .stamps import ordered
 from .united import united
 from .values import (
-    at_the_end, finite, is_constant, not_finite, standing, too_fast, unit_of_stamps,
-    where_not_finite, wrong_units)
+    at_the_end, finite, is_constant, never_taken, not_finite, standing, too_fast,
+    unit_of_stamps, where_not_finite, wrong_units)
 from ..core.clipped import at_ends
 from ..core.clock import fit_clock, median_rate, SampleClock
 from ..core.disturbed import disturbance, disturbances
@@ -95,7 +95,7 @@ def prepare(
         record, clock = _without_pauses(record)
         _enough(record)
         _finite_enough(record)
-        record = record.warned(*united(record))
+        record = record.warned(*united(record), *never_taken(record))
         record = _filled(record, clock, memory)
         memory.rest()
         record = _alive(_stuck(record), screen)

@@ -13,7 +13,7 @@ import numpy as np
 from ..core.clipped import ends_in_words
 from ..core.clock import STAMPED_HZ
 from ..core.record import ImuRecord, possible
-from ..core.statistics import longest_in_a_row
+from ..core.statistics import grid_step, longest_in_a_row
 from ..core.stillness import finite_mean
 from ..core.units import A_COUNT, SI, to_si
 
@@ -26,6 +26,7 @@ PLAUSIBLE_HZ = 5.0, 5000.0      # of an IMU, where stamps are in another unit th
 SUSPECTED = 'wrong unit suspected'
 STANDS = 100             # equal samples in a row that may be a dead axis
 BY_CHANCE = 1e-9        # of a record: how likely so many are equal in one of noise alone
+SOME = 1 << 18          # samples that tell which levels are taken
 
 
 def finite(record: ImuRecord) -> np.ndarray:
@@ -98,6 +99,41 @@ def standing(record: ImuRecord) -> list[Standing]:
         if again < 0.5 and len(x) * again ** (run - 1) < BY_CHANCE:
             said.append(Standing(axis, first, run, float(record.t[first]), float(record.t[last])))
     return said
+
+
+def never_taken(record: ImuRecord) -> list[str]:
+    """
+    Return a sentence on each axis whose output skips levels that its noise must meet.
+
+    Noise with one hump stands on a level at least as often as on the rarer of any two around it,
+    and so as often as neighbours leap from the one to the other. A telegraph leaps as well, but
+    stays far longer: neighbours that know nothing of each other leap twice as often as the root
+    of how often they stay on the one times how often on the other, and half of that is asked.
+
+    """
+    said = []
+    for axis in record.columns:
+        x = record.column(axis)[:SOME]
+        x = x[possible(x)]
+        step = grid_step(x)[0]
+        skipped = _skipped(np.round((x - np.min(x)) / step)) if step > 0 else 0
+        if skipped:
+            said.append(
+                f'{axis} never stands on {skipped} level{"s" * (skipped > 1)} between others on '
+                'which it often does: the converter misses codes, or the driver rounds twice; '
+                'how loud its noise is goes with where the mean stands')
+    return said
+
+
+def _skipped(counts: np.ndarray) -> int:
+    """Return how many levels are never taken by some counts (n,), beyond chance."""
+    levels, of = np.unique(counts, return_inverse=True)
+    low, high = np.sort(of[:len(of) // 2 * 2].reshape(-1, 2)).T
+    stays, leaps = (np.bincount(low[high - low == k], minlength=len(levels)) for k in (0, 1))
+    leaps = leaps[:-1]
+    # as many samples at least are expected on each of the levels that are leapt over
+    skips = (leaps > -np.log(BY_CHANCE)) & (leaps > np.sqrt(stays[1:] * stays[:-1]))
+    return int(np.sum(np.diff(levels)[skips] - 1))
 
 
 def wrong_units(record: ImuRecord, turns: bool = False) -> list[str]:
