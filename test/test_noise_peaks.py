@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from params import daily
 import pytest
@@ -17,7 +19,7 @@ from imu_noise_tools.loop.effect import find_effect, model_of, unfitted
 from imu_noise_tools.loop.prediction import fall_of, State
 from imu_noise_tools.loop.verdict import PRICE
 from imu_noise_tools.noise import flexible, materiality, rivals, starts
-from imu_noise_tools.noise.candidates import _one as tried
+from imu_noise_tools.noise.candidates import _one as tried, _where as where
 from imu_noise_tools.noise.fit import fit as fit_part
 from imu_noise_tools.noise.gather import gather
 from imu_noise_tools.noise.kinds import Inputs
@@ -236,3 +238,17 @@ def test_a_filter_behind_a_coupling_begins_at_what_that_leaves():
     left = starts._gain_alone(likelihood, coupled.model.plus(begun[0]), begun[0]).whole.power
     at = np.argmax(problem.evidence.whole.power)
     assert left[at] < 30 * np.median(left)      # of 2000 that the vibration stands above the noise
+
+
+def test_a_peak_is_asked_for_where_it_shows_whatever_is_lost_elsewhere():
+    """Refitted beside it others lost more, and of a line that was named no part asked for it."""
+    f, at = np.arange(1.0, 101.0), 20
+    power, peak = np.ones(100), np.zeros(100)
+    power[at], peak[at] = 10.0, 9.0
+    bins = SimpleNamespace(f=f, count=np.full(100, 8.0))
+    evidence = SimpleNamespace(whole=SimpleNamespace(bins=bins, power=power))
+    before = SimpleNamespace(details=SimpleNamespace(v=np.ones(100)))
+    after = SimpleNamespace(model=model_of('noise', ('white', 'narrowband')),
+                            details=SimpleNamespace(v=0.5 + peak, each={'narrowband': peak}))
+    said = where(evidence, before, after, find_effect('noise', 'narrowband')())
+    assert said == 'the spectrum asks for it at 21 Hz'

@@ -33,6 +33,7 @@ from .measured import measure, penalty, with_units
 from .refitted import by_its_middle, refitted, within_bounds
 from .rivals import swept
 from .shared import LATER, SHAKEN
+from .starts import SHOWS
 from ..loop.effect import Effect, Finding, Fit, Model, registry, unfitted
 from ..loop.findings import price, surplus
 from ..loop.verdict import DIRECTED, PRICE
@@ -329,11 +330,15 @@ def _where(evidence, before: Fit, after: Fit, effect) -> str:
             f'{", ".join(parts) or "nothing significant"}' + (where and f'; {where}')
         )
     w, f = evidence.whole.bins.count, evidence.whole.bins.f
+    label = after.model.labels[-1]
+    # where noise does not show, what is gained or lost is the doing of others that were refitted
+    own = after.details.each.get(label, after.details.v)
+    shows = own > SHOWS * after.details.v
 
     def minus_log(x):
         return 0.5 * w * (np.log(x.details.v) + evidence.whole.power / x.details.v)
 
-    gain = np.cumsum(minus_log(before) - minus_log(after))
+    gain = np.cumsum(np.where(shows, minus_log(before) - minus_log(after), 0.0))
     if gain[-1] <= 0:
         return 'no part of the spectrum asks for it'
     f0 = f[np.searchsorted(np.maximum.accumulate(gain), 0.1 * gain[-1])]
