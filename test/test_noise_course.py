@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from scipy.fft import idct
 
 import hidden
 from imu_noise_tools.core.record import ImuRecord
@@ -113,6 +114,21 @@ def test_a_drift_gains_beside_a_knee_no_more_than_the_knee_alone_leaves_to_it():
     fit = problem.point(model_of('noise', (*base, 'drift')))
     steepness, gain = nameless._gains_beside_a_knee(problem.evidence, fit, ['drift'])
     assert 1.2 < steepness < 2 and 0 <= gain < claim
+
+
+def test_a_swing_in_redder_noise_gains_beside_a_knee_what_both_gain_over_that():
+    """Taken out of a fit that had it, without another fit, it seemed to gain twice as much."""
+    rng, n, dt = np.random.default_rng([19, 5]), 20_000, 0.01
+    f, t = np.arange(n) / (2 * n * dt), np.arange(n) * dt
+    x = idct(np.append(0, rng.standard_normal(n)[1:])
+             * (f**2 + (0.5 / (n * dt)) ** 2) ** -0.75, type=2, norm='ortho')
+    y = rng.standard_normal((n, 3))
+    y[:, 0] += 10 * x / np.std(x) + 4 * np.sin(2 * np.pi * 5.3 * t / (n * dt))
+    record = ImuRecord(SIZE * y, None, t, 1 / dt)
+    problem = NoiseProblem(gather(record, ['gyro_x'])['gyro_x'])
+    fit = problem.point(model_of('noise', (*BASE, 'slow_periodic')))
+    steepness, gain = nameless._gains_beside_a_knee(problem.evidence, fit, ['slow_periodic'])
+    assert 1.2 < steepness < 1.6 and 0 <= gain < 40
 
 
 @pytest.mark.thorough

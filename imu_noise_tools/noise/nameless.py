@@ -191,9 +191,9 @@ def _gains_beside_a_knee(evidence: Evidence, fit: Fit, labels: list[str]) -> np.
     means = block_means(evidence, rival)
     whose = np.append('', owners(rival.model.of(Mean)))
     left = unexplained(means, means.columns)
-    # it may do it all: where next to nothing is left to all of them, neither is it to one
+    # refitted without one of them it misses no more than without all
     together = gained(Bands.on(evidence.whole.bins), alone.details, rival.details)
-    most = max(together, 0.0) if together <= FLEXIBLE else np.inf
+    most = max(together, rival.details.ml - alone.details.ml, 0.0)
     return np.array([rival.model['knee']['steepness'], *(
         min(unexplained(means, means.columns[:, whose != label]) - left, most)
         for label in labels)])
