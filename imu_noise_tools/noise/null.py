@@ -11,7 +11,7 @@ Written by bench/null.py. ``DRAWN`` is the hash of the code that it was drawn wi
 
 AXES = 1080
 DRAWN = 'f67b2baba8eafcea'
-SOURCES = 'c2fd660e1c574dc7'
+SOURCES = 'a21b102ceb3bb033'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,

@@ -161,7 +161,7 @@ class NoiseProblem(Problem):
 
     def _smaller(self, model: Model) -> Model | None:
         """
-        Return the fit of a model less the last of several effects that have shapes, if it has so.
+        Return the fit of a model less the last of its effects that have shapes, if several do.
 
         What each proposes by the measured spectrum is far from what it is beside the others, and
         of several together no more than a few of all pairs are tried. Beside those before it, one
