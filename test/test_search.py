@@ -691,6 +691,20 @@ def test_what_has_no_name_is_fitted_only_where_no_name_has_its_place(search, mon
     assert [f.name for f in search.forward()] == ['narrowband']
 
 
+@pytest.mark.parametrize(('beside', 'first'), [(-0.1, 'shared_noise'), (90.0, 'band')])
+def test_what_has_no_name_gains_something_beside_what_leaves_something(search, beside, first):
+    """Of a resonance that axes share a coherence was left, and which of two names was not told."""
+    named, nameless = found('shared_noise', gain=900.0), found('band', gain=200.0)
+    search.chain = lambda begin=(): [*begin] or [named]
+    search._rivals = lambda *_: []
+    _places(search, {'': [nameless, named], 'shared_noise': [found('band', gain=beside)]})
+    search.places.tests = leaves({'shared_noise': 500.0})
+    search._heals = search._lowers = lambda *_: True
+    search.places.problem.point = lambda model: Fit(model_of('noise', ('white',)).plus(
+        named.effect) if 'shared_noise' in model else model, {}, 0.0)
+    assert [f.name for f in search.forward()] == [first]
+
+
 @pytest.mark.parametrize(('after', 'holds'), [(60.0, True), (250.0, False)])
 def test_what_is_as_measured_heals_nothing_where_no_less_fails_in_all(search, after, holds):
     """It fits its own view whatever is there; what the mean does instead may fail by more."""
