@@ -13,7 +13,7 @@ import pytest
 
 from imu_noise_tools.loop import diagnosis
 from imu_noise_tools.loop.effect import Finding, Fit, Model, model_of, registry
-from imu_noise_tools.loop.findings import pairs, surplus, yields
+from imu_noise_tools.loop.findings import pairs, rivals, surplus, yields
 from imu_noise_tools.loop.prediction import State
 from imu_noise_tools.loop.search import FROM_NOTHING, ROUNDS, Search
 from imu_noise_tools.loop.verdict import CANNOT_TELL
@@ -595,10 +595,26 @@ def test_of_several_of_one_name_the_last_is_asked_first(search, last, fall):
 
 def test_rivals_that_share_alike_come_in_one_order(search):
     """A set's own order differs from run to run; what is said of the same input must not."""
-    rivals = [f'rival_{k}' for k in range(8)]
-    search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(rivals)): 0.0}
+    some = [f'rival_{k}' for k in range(8)]
+    search.scores = {frozenset(['chosen']): 1.0, frozenset(reversed(some)): 0.0}
     probability, said = search.odds(Model(), 'chosen')
-    assert said == rivals[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))
+    assert said == some[:3] and probability == pytest.approx(1 / (1 + np.exp(-1.0)))
+
+
+def test_what_comes_with_it_or_without_it_is_no_rival(search):
+    """A grid was said to be that of a rate, of an angle, or a step that either may have beside."""
+    rate, angle = found('rate_quantization', gain=90.0), found('quantization', gain=89.0)
+    search.scores = {frozenset(k.split()): v for k, v in (
+        ('low_pass rate_quantization', 1.6), ('low_pass rate_quantization step', 1.2),
+        ('low_pass quantization', 0.4), ('low_pass quantization step', 0.0))}
+    probability, said = search.odds(Model(), 'rate_quantization')
+    assert said == ['quantization'] and probability == pytest.approx(0.77, abs=0.01)
+    rate = replace(rate, probability=probability, against=f'{CANNOT_TELL} quantization')
+    angle, step = replace(angle, probability=0.23), found('step', 'time', 52.0, probability=0.41)
+    assert rivals([rate, step, angle]) == [rate, angle]
+    assert rivals([step, angle]) == [step, angle]
+    assert rivals([replace(rate, against=FROM_NOTHING), step]) == [
+        replace(rate, against=FROM_NOTHING)]
 
 
 @pytest.mark.parametrize(('scores', 'said', 'probability'), [

@@ -42,9 +42,19 @@ def surplus(finding: Finding) -> float:
 
 
 def rivals(ranked: Iterable[Finding]) -> list[Finding]:
-    """Return what stands out of the ranked and takes a share of the probability."""
-    return [f for f in ranked if f.gain > f.penalty
+    """
+    Return what stands out of the ranked and takes a share of the probability.
+
+    Where some of it cannot be told from others these and those: what may be there beside them is
+    another question.
+
+    """
+    some = [f for f in ranked if f.gain > f.penalty
             and (f.probability is None or f.probability > rules.RIVAL)]
+    doubted = [f for f in some if f.against.startswith(rules.CANNOT_TELL)]
+    named = {name.partition('.')[0] for f in doubted
+             for name in f.against.removeprefix(rules.CANNOT_TELL).strip().split(' or ')}
+    return [f for f in some if not doubted or f in doubted or f.name in named]
 
 
 def price(finding: Finding) -> float:

@@ -35,6 +35,7 @@ CHAINS = 2  # chains that are followed, rivals' included
 FOLLOWED = 3  # members from which one is not followed on, if its end was not looked at
 NEAR = 0.1  # share of the surplus of what was chosen from which a rival is followed
 SETS = 12  # of what stood out that are tried in a chain's place
+ALIKE = 1.001  # ratio of two probabilities that are the same but for rounding
 ROUNDS = 4  # times the search begins anew without what was refuted, unless something came back
 
 
@@ -560,16 +561,23 @@ class Search(Chains):
         return {k: float(np.exp(max(v - top, -700.0))) for k, v in some.items()}
 
     def odds(self, before: Model, name: str) -> tuple[float, list[str]]:
-        """Return a member's probability at its place, and the rivals that take the rest."""
+        """
+        Return a member's probability at its place, and the rivals that take the rest.
+
+        What is as likely with it as without it is beside it, and none of its rivals.
+
+        """
         weight = self._weights(before)
         total = sum(weight.values())
         with_it = sum(v for k, v in weight.items() if name in k)
         others: dict[str, float] = {}
+        beside: dict[str, float] = {}
         for k, v in weight.items():
-            if name not in k:
-                for x in k:
-                    others[x] = others.get(x, 0.0) + v
+            some = beside if name in k else others
+            for x in k:
+                some[x] = some.get(x, 0.0) + v
         # those that come together have the same: a set's own order differs from run to run
         rivals = [x for x in sorted(others, key=lambda x: (-others[x], x))
-                  if others[x] > rules.RIVAL * total]
+                  if others[x] > rules.RIVAL * total
+                  and others[x] * with_it > ALIKE * beside.get(x, 0.0) * (total - with_it)]
         return with_it / total, rivals[:3]

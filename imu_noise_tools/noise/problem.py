@@ -27,6 +27,7 @@ from .sweep import test_of
 from ..core.allan import dominant_shape
 from ..core.errors import unknown
 from ..loop.effect import Effect, Estimate, Finding, Fit, Model, registry, Score, unfitted, View
+from ..loop.findings import rivals as rivals_of
 from ..loop.problem import Difference, Problem
 from ..loop.verdict import SURE
 
@@ -363,8 +364,8 @@ class NoiseProblem(Problem):
 
     def _advice(self, verdict: str, ranked: list[Finding], failed: list[Finding]) -> str:
         if verdict == 'undecidable':
-            able = [f for f in ranked if f.gain > f.penalty and f.effect][:3] or list(ranked[:1])
-            said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able
+            able = rivals_of(ranked) or [f for f in ranked if f.gain > f.penalty] or ranked[:1]
+            said = dict.fromkeys(f'{f.name}: {f.effect.decide}' for f in able[:3]
                                  if isinstance(f.effect, NoiseEffect))
             return f'This record cannot tell. What would: {"; ".join(said)}.'
         if verdict == 'unknown':
