@@ -707,14 +707,17 @@ def test_what_has_no_name_is_fitted_only_where_no_name_has_its_place(search, mon
     assert [f.name for f in search.forward()] == ['narrowband']
 
 
-@pytest.mark.parametrize(('beside', 'first'), [(-0.1, 'shared_noise'), (90.0, 'band')])
-def test_what_has_no_name_gains_something_beside_what_leaves_something(search, beside, first):
+@pytest.mark.parametrize(('view', 'first'), [('coherence', 'shared_noise'), ('frequency', 'band')])
+def test_what_has_no_name_is_asked_where_a_view_that_shows_it_is_left(search, view, first):
     """Of a resonance that axes share a coherence was left, and which of two names was not told."""
     named, nameless = found('shared_noise', gain=900.0), found('band', gain=200.0)
     search.chain = lambda begin=(): [*begin] or [named]
     search._rivals = lambda *_: []
-    _places(search, {'': [nameless, named], 'shared_noise': [found('band', gain=beside)]})
-    search.places.tests = leaves({'shared_noise': 500.0})
+    _places(search, {'': [nameless, named]})
+    search.places.tests = lambda model: [
+        Finding(view, 500.0, view=view, p_value=0.0)] if 'shared_noise' in model else [
+        Finding(v, 0.0 if 'band' in model else 900.0, view=v, p_value=0.5 * ('band' in model))
+        for v in ('frequency', 'coherence')]
     search._heals = search._lowers = lambda *_: True
     search.places.problem.point = lambda model: Fit(model_of('noise', ('white',)).plus(
         named.effect) if 'shared_noise' in model else model, {}, 0.0)

@@ -307,24 +307,21 @@ class Search(Chains):
         Return the chain that begins with what has no name, where each chain leaves something.
 
         What has a name stands before it, and may leave what neither explains beside it. Not where
-        one in the main chain has the place: its form is asked first. Nor where it gains nothing
-        beside that chain: what that leaves is elsewhere.
+        one in the main chain has the place: its form is asked first. Nor where what that leaves is
+        in no view that would show it.
 
         """
         if not all(map(self.places.left, chains)):
             return []
         place = self.places.at(self.places.base)
         first = [f for f in self.able(place) if nameless(f)][:1] if place is not None else []
-        if not first or any(nameless(c[0]) for c in chains if c):
+        if not first or any(nameless(c[0]) for c in chains if c) \
+                or first[0].view not in self.places.views_left(chains[0]):
             return []
         # the main chain is fitted by now, and asking it costs nothing
         main = self.places.fit(self.places.model_of(chains[0]))
         if first[0].effect is None or first[0].effect.part_of(main.model) or not (
                 self._heals([], first[0]) and self._lowers([], first[0])):
-            return []
-        behind = self.places.at(main.model)
-        if behind is not None and behind.candidates and not any(
-                f.name == first[0].name and f.gain > f.penalty for f in behind.candidates):
             return []
         self.places.look_further(rules.ANEW)    # behind it lies what no other chain has seen
         return [self.chain(first)]

@@ -11,7 +11,7 @@ Written by bench/null.py. ``DRAWN`` is the hash of the code that it was drawn wi
 
 AXES = 1080
 DRAWN = 'f67b2baba8eafcea'
-SOURCES = 'c05e9ed73ebbf9ec'
+SOURCES = 'a59b74c2fc53f0b8'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,

@@ -260,11 +260,11 @@ def swept(evidence: Evidence, effect: NoiseEffect, claim: float, fit: Fit | None
     elif not isinstance(effect, (Spectrum, Response, Modulation)) \
             or effect.certain and not effect.nameless:
         return ''
-    elif isinstance(effect, Spectrum) and effect.centre is not None:
+    elif isinstance(effect, Spectrum) and effect.middle is not None:
         width = effect.values.get('width', 0.0)
-        inside = low < effect.centre - width / 2 < effect.centre + width / 2 < high
+        inside = low < effect.middle - width / 2 < effect.middle + width / 2 < high
         far = inside and high - low > BEYOND * width
-        if low - width / 2 < effect.centre < high + width / 2 \
+        if low - width / 2 < effect.middle < high + width / 2 \
                 and on_one_path(sweep, evidence.n, evidence.dt):
             claim = 0.0
         elif not far or sweep.end - sweep.begin < 0.5 * evidence.duration:

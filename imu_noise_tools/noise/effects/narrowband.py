@@ -11,9 +11,10 @@ from .. import loud_bands
 from ..evidence import Evidence
 from ..fading import in_words, RUNS
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
+from ..rivals import swept
 from ...core import bell, oscillator
 from ...core.spectrum import Bins
-from ...loop.effect import Effect, Model
+from ...loop.effect import Effect, Fit, Model
 from ...loop.verdict import FLEXIBLE_SHARE
 
 SHARPEST = 0.1  # of 1/T, the least width: what is narrower is not told from a line
@@ -169,6 +170,10 @@ class Narrowband(Spectrum):
             return 0.0
         at = evidence.machine_at(self['frequency'])
         return np.inf if at is None else loud_bands.by_chance(evidence.whole.bins, *at)
+
+    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
+        """Say that it is where a line passes that sweeps, of which the level stays as well."""
+        return swept(evidence, self, claim, fit) if self.as_measured else ''
 
     def part_of(self, model: Model) -> str:
         """
