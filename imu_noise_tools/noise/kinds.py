@@ -287,7 +287,7 @@ class Spectrum(NoiseEffect):
     @property
     def uneven(self) -> bool:
         """Whether its power may come and go by more than Gaussian noise does, as a machine's."""
-        return self.centre is not None
+        return self.middle is not None
 
     def heard_by_all(self, f: np.ndarray) -> np.ndarray:
         """Tell at which f (n,), Hz, it is from outside, so that other axes hear it: (n,) bool."""

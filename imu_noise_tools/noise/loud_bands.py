@@ -28,6 +28,7 @@ CLEAR = 1.0     # standard errors above what is around it, to where it ends
 RARE = 1e-3     # in how many records of nothing it may gain as much
 MANY = 4        # that are looked for
 FEWEST = 8      # coefficients that hold nearly all of its power: in fewer it may be lines
+NOTHING = 1e-9  # of its level, where a band that is measured is nothing
 LAST = 0.01     # of the spectrum's end: what stands for what is above a band that ends there
 MIDDLE = 0.16, 0.5, 0.84    # shares of the power below: a deviation on either side of the middle
 

@@ -11,7 +11,7 @@ Written by bench/null.py. ``DRAWN`` is the hash of the code that it was drawn wi
 
 AXES = 1080
 DRAWN = 'f67b2baba8eafcea'
-SOURCES = 'a59b74c2fc53f0b8'
+SOURCES = '524bf99ea5f18171'
 DEFAULT = 10.0  # of an effect that is not of the package
 PENALTY = {
     'accel_coupling': 11.42,

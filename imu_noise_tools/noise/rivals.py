@@ -56,6 +56,8 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
     against = effect.otherwise(evidence, fit, claim)
     if against:
         return against
+    if effect.as_measured:      # it has no form: what it may be instead is where a line passes
+        return swept(evidence, effect, claim, fit)
     if peak:
         claim = max(claim, min(fit.details.ml - without.details.ml,
                                lost_without(evidence, fit, label)))
@@ -65,7 +67,7 @@ def shape(evidence: Evidence, fit: Fit, without: Fit, label: str, claim: float) 
         loud = _loud_at_times(evidence, fit) * _on_what_wanders(evidence, fit, effect)
         if claim <= FLEXIBLE * loud:
             return f'noise that is loud at times draws as sharp a peak by chance ({loud:.1f}-fold)'
-    elif isinstance(effect, (Spectrum, Response)) and not (effect.certain or effect.as_measured):
+    elif isinstance(effect, (Spectrum, Response)) and not effect.certain:
         gain, claim, where = _smoother(evidence, fit, without, label, claimed, claim)
     elif isinstance(effect, Mean):
         gain = mean_gain(evidence, fit)[0]

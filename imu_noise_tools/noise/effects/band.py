@@ -11,12 +11,10 @@ from scipy.fft import idct
 from .. import loud_bands
 from ..evidence import Evidence
 from ..kinds import Inputs, Parameter, Spectrum
-from ..rivals import swept
 from ...core.spectrum import Bins
-from ...loop.effect import Effect, Fit, Model
+from ...loop.effect import Effect, Model
 
 POINTS = 1024   # of the rule by which its Allan variance is integrated
-NOTHING = 1e-9  # of its level, outside of it
 
 
 class Band(Spectrum):
@@ -77,10 +75,6 @@ class Band(Spectrum):
         """Return what a free level in each of its bins gains by chance, nats."""
         return loud_bands.by_chance(evidence.whole.bins, self['low'], self['high'])
 
-    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
-        """Say that it is where a line passes that sweeps."""
-        return swept(evidence, self, claim, fit)
-
     def part_of(self, model: Model) -> str:
         """Say that a peak of the model is in it: what has a form is told by that."""
         for other in model.of(Spectrum):
@@ -95,14 +89,14 @@ class Band(Spectrum):
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return rms^2/(high - low) within the band, one-sided, and next to nothing elsewhere."""
         level = self['rms'] ** 2 / (self['high'] - self['low'])
-        return level * np.where(self.heard_by_all(np.asarray(f, float)), 1.0, NOTHING)
+        return level * np.where(self.heard_by_all(np.asarray(f, float)), 1.0, loud_bands.NOTHING)
 
     def binned(self, bins: Bins) -> np.ndarray:
         """Return its power in bins, in one at an end by how many coefficients are within."""
         ends = np.ceil(2 * bins.n * bins.dt * np.array([[self['low']], [self['high']]]))
         within = np.diff(np.clip(ends, bins.first, bins.last), axis=0)[0] / bins.count
         level = self['rms'] ** 2 / (self['high'] - self['low'])
-        return level * (within + NOTHING * (1 - within))
+        return level * (within + loud_bands.NOTHING * (1 - within))
 
     def avar(self, m: np.ndarray, dt: float) -> np.ndarray:
         """

@@ -11,10 +11,9 @@ from .. import loud_bands
 from ..evidence import Evidence
 from ..fading import in_words, RUNS
 from ..kinds import Inputs, Parameter, Spectrum, StateSpace
-from ..rivals import swept
 from ...core import bell, oscillator
 from ...core.spectrum import Bins
-from ...loop.effect import Effect, Fit, Model
+from ...loop.effect import Effect, Model
 from ...loop.verdict import FLEXIBLE_SHARE
 
 SHARPEST = 0.1  # of 1/T, the least width: what is narrower is not told from a line
@@ -39,7 +38,6 @@ NARROWER = 1.0, 0.7, 0.5, 0.35
 SKIRTS = 4.0
 STAYED = 0.1
 AWAY, ON = 2.0, 0.5
-NOTHING = 1e-9  # of the height of what is measured, where its bell is nothing
 WANDERING, MEASURED = 'wandering', 'measured'
 FORMS = oscillator.DISPLACEMENT, oscillator.VELOCITY, WANDERING, oscillator.FOLDED, MEASURED
 
@@ -147,11 +145,6 @@ class Narrowband(Spectrum):
         return self._form == MEASURED
 
     @property
-    def uneven(self) -> bool:
-        """What a machine makes may come and go."""
-        return True
-
-    @property
     def sharp(self) -> bool:
         """It is narrower than a filter or what axes share can draw."""
         f, width = (self.values.get(k, 0.0) for k in ('frequency', 'width'))
@@ -170,10 +163,6 @@ class Narrowband(Spectrum):
             return 0.0
         at = evidence.machine_at(self['frequency'])
         return np.inf if at is None else loud_bands.by_chance(evidence.whole.bins, *at)
-
-    def otherwise(self, evidence: Evidence, fit: Fit, claim: float) -> str:
-        """Say that it is where a line passes that sweeps, of which the level stays as well."""
-        return swept(evidence, self, claim, fit) if self.as_measured else ''
 
     def part_of(self, model: Model) -> str:
         """
@@ -233,7 +222,8 @@ class Narrowband(Spectrum):
     def psd(self, f: np.ndarray, dt: float) -> np.ndarray:
         """Return the AR(2) spectrum, or the bell; of that a little wherever it is measured."""
         if self.as_measured:
-            return bell.psd(f, *self._swing, dt) + NOTHING * self['rms']**2 / self['width']
+            return bell.psd(f, *self._swing, dt) \
+                + loud_bands.NOTHING * self['rms']**2 / self['width']
         if self._wanders:
             return bell.psd(f, *self._swing, dt)
         return oscillator.psd(f, *self._swing, dt, self._form)
